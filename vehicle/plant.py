@@ -53,6 +53,18 @@ _OWN_CHANNELS: Names = (
     ("rack_force", "N"),
 )
 _OWN = len(_OWN_CHANNELS)
+# What these channels are and where they are positive.
+_OWN_MEANINGS = {
+    "handwheel_angle": "angle of the handwheel, positive to the left",
+    "handwheel_speed": "angular velocity of the handwheel, positive to the left",
+    "handwheel_torque": "torque of the hands on the handwheel, positive where it pushes to the left",
+    "column_angle": "angle of the column below the torsion bar, positive to the left",
+    "column_speed": "angular velocity of the column below the torsion bar, positive to the left",
+    "torsion_bar_torque": "torque of the torsion bar, positive where the handwheel is ahead of the column to the left",
+    "motor_torque": "torque of the assist's motor at the column, positive where it pushes to the left",
+    "friction_torque": "friction torque at the column, positive where it resists a motion to the left",
+    "rack_force": "force of wheels and end stops on the rack, positive where it resists a left turn",
+}
 # The channels with which every plant begins; :func:`channels` returns all channels of a plant.
 CHANNELS: Names = (*_OWN_CHANNELS, *COMMON_CHANNELS)
 CHANNEL = {name: i for i, (name, _) in enumerate(CHANNELS)}
@@ -312,6 +324,11 @@ def channels(p: Plant) -> Names:
     return (*_OWN_CHANNELS, *chassis.chassis_of(p.chassis).channels)
 
 
+def meanings(p: Plant) -> dict[str, str]:
+    """What the channels of a plant are and where they are positive; those of each wheel by their names without it."""
+    return {**_OWN_MEANINGS, **chassis.COMMON_MEANINGS, **chassis.chassis_of(p.chassis).meanings}
+
+
 def initial_state(p: Plant) -> NDArray[np.float64]:
     """State (S,) of the plant in straight running at its speed, hands at zero, friction at rest."""
     return settled(p)[0]
@@ -324,7 +341,7 @@ def settled(p: Plant, run: Callable = run) -> tuple[NDArray[np.float64], NDArray
     ``run`` has the effect of :func:`run`.
     """
     kind, at = chassis.chassis_of(p.chassis), layout_of(p)
-    start = kind.start(p.chassis)
+    start = chassis.start(p.chassis)
     state = np.zeros(size_of(p))
     state[at.chassis : at.chassis + len(start)] = start
     row = np.zeros((1, len(channels(p))))

@@ -26,10 +26,11 @@ from numpy.typing import ArrayLike, NDArray
 from steer_env.friction.numerics import packing
 from steer_env.friction.numerics.check import constructed, number, one_of, positive
 from steer_env.friction.numerics.interpolation import hermite
-from steer_env.friction.numerics.kernel import kernel
+from steer_env.friction.numerics.kernel import dispatch, kernel
 from steer_env.vehicle.simd import broadcast, pack
 
 LEFT, RIGHT = 0, 1
+HEIGHT, FRICTION = (-10.0, 10.0), (0.01, 2.0)  # bounds of heights [m] and of factors on the friction [1]
 ROUGHNESS = {name: 16e-6 * 4.0**i for i, name in enumerate("ABCDEFGH")}  # G(n_0) of the classes [m3]
 REFERENCE_WAVE_NUMBER = 0.1  # n_0 [cycle/m]
 LOWEST_WAVE_NUMBER, HIGHEST_WAVE_NUMBER = 0.01, 10.0  # [cycle/m]
@@ -46,6 +47,23 @@ class Road(NamedTuple):
     spacing: float  # of both grids [m]
     grade: float  # uphill positive [rad]
     bank: float  # left side up positive [rad]
+
+
+class WheelRoad(NamedTuple):
+    """Road that is given anew for each wheel, in place of the tracks of a :class:`Road`."""
+
+    height_front_left: float = 0.0  # front left wheel: height of the road above its plane, positive upwards [m]
+    height_front_right: float = 0.0  # front right wheel: height of the road above its plane, positive upwards [m]
+    height_rear_left: float = 0.0  # rear left wheel: height of the road above its plane, positive upwards [m]
+    height_rear_right: float = 0.0  # rear right wheel: height of the road above its plane, positive upwards [m]
+    slope_front_left: float = 0.0  # front left wheel: slope of the road along the car, positive uphill [1]
+    slope_front_right: float = 0.0  # front right wheel: slope of the road along the car, positive uphill [1]
+    slope_rear_left: float = 0.0  # rear left wheel: slope of the road along the car, positive uphill [1]
+    slope_rear_right: float = 0.0  # rear right wheel: slope of the road along the car, positive uphill [1]
+    friction_front_left: float = 1.0  # front left wheel: friction of the road, a factor on that of the tyre [1]
+    friction_front_right: float = 1.0  # front right wheel: friction of the road, a factor on that of the tyre [1]
+    friction_rear_left: float = 1.0  # rear left wheel: friction of the road, a factor on that of the tyre [1]
+    friction_rear_right: float = 1.0  # rear right wheel: friction of the road, a factor on that of the tyre [1]
 
 
 def _tracks(name: str, values: ArrayLike, minimum: float, maximum: float) -> NDArray[np.float64]:
@@ -93,7 +111,7 @@ def make_road(
     ValueError
         Naming the parameter, the value and what is allowed.
     """
-    z = _tracks("heights", heights, -10.0, 10.0)
+    z = _tracks("heights", heights, *HEIGHT)
     seam = float(np.max(np.abs(z[:, -1] - z[:, 0])))
     widest = float(np.max(np.abs(np.diff(z)), initial=0.0))
     if seam > widest:
@@ -104,7 +122,7 @@ def make_road(
     return Road(
         level=not z.any(),
         heights=z,
-        friction=_tracks("friction", friction, 0.01, 2.0),
+        friction=_tracks("friction", friction, *FRICTION),
         spacing=positive("spacing", spacing),
         grade=number("grade", grade, minimum=-0.5, maximum=0.5),
         bank=number("bank", bank, minimum=-0.5, maximum=0.5),
@@ -287,8 +305,7 @@ def friction(r, side, distance):
 
 
 @kernel
-def under_wheels(r, front, rear):
-    """Height, slope and friction under four wheels, by the distances of both axles."""
+def _under_tracks(r, front, rear):
     heights = slopes = broadcast(0.0)
     if not r.level:
         (z_fl, s_fl), (z_fr, s_fr) = height(r, LEFT, front), height(r, RIGHT, front)
@@ -299,3 +316,23 @@ def under_wheels(r, front, rear):
         return heights, slopes, pack(left, right, left, right)
     left, right = friction(r, LEFT, front), friction(r, RIGHT, front)
     return heights, slopes, pack(left, right, friction(r, LEFT, rear), friction(r, RIGHT, rear))
+
+
+@kernel
+def _under_given(r, front, rear):
+    return (
+        pack(r.height_front_left, r.height_front_right, r.height_rear_left, r.height_rear_right),
+        pack(r.slope_front_left, r.slope_front_right, r.slope_rear_left, r.slope_rear_right),
+        pack(r.friction_front_left, r.friction_front_right, r.friction_rear_left, r.friction_rear_right),
+    )
+
+
+_UNDER = {Road: _under_tracks, WheelRoad: _under_given}
+
+
+def under_wheels(r, front, rear):
+    """Height, slope and friction under four wheels, by the distances of both axles."""
+    return _UNDER[type(r)](r, front, rear)
+
+
+dispatch(under_wheels, lambda kind, _: _UNDER.get(kind), forceinline=True)

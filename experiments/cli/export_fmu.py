@@ -19,7 +19,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     options.add_plant(
         parser,
-        speed="that is held, for which the FMU is made",
+        speed="that is held at first, which the FMU takes as a parameter",
         hands=", at first; the parameter robot of the FMU",
     )
     text = "platform to include a binary for; may be repeated (default: linux64)"

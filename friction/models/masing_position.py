@@ -40,7 +40,7 @@ class MasingPosition(NamedTuple):
     k: NDArray[np.float64]  # (N,) stiffnesses [N m/rad]
     y: NDArray[np.float64]  # (N,) yield displacements in the middle of the stroke [rad]
     slope: NDArray[np.float64]  # (N,) m_i, relative increase of a yield from the middle to the high end [1]
-    stroke: NDArray[np.float64]  # (2,) its ends, from the displacement at which the memory is at rest [rad]
+    stroke: NDArray[np.float64]  # (2,) ends of the stroke, from the displacement at which the memory is at rest [rad]
 
 
 def make(

@@ -49,7 +49,7 @@ def test_parameters_of_the_plant_by_hand():
     assert c.K_r == pytest.approx(0.5 * 20000.0 * 1.54**2 + 8000.0)
     assert c.B_f == pytest.approx(34000.0 / 1.55)
     assert c.C_r == pytest.approx(0.5 * 1320.0 * 1.54**2)
-    assert c.drag == pytest.approx(0.5 * 1.2 * 0.62 * 400.0)
+    assert c.drag == pytest.approx(0.5 * 1.2 * 0.62)
     assert c.K_rack == pytest.approx(25e3 / 0.1149**2, rel=2e-3)
     assert (c.stiffness_f, c.stiffness_r) == (1.6, 1.47)
     # rolling to the right lowers the left rear wheel in its arch by half the track per angle

@@ -36,6 +36,7 @@ class _Speeds(Mapping[str, tuple[float, float]]):
 
 
 SPEEDS = _Speeds()
+ROAD_FRICTION = (0.1, 1.2)  # of the road over that of the tyre measurements, as a plant takes it [1]
 
 
 def load_rate(friction_load: float, pinion_radius: float) -> float:
@@ -111,7 +112,7 @@ class Car(NamedTuple):
         """
         low, high = SPEEDS[chassis_models.checked(chassis)]
         v_x = number("speed [m/s]", speed, minimum=low, maximum=high)
-        mu = number("road_friction", road_friction, minimum=0.1, maximum=1.2)
+        mu = number("road_friction", road_friction, minimum=ROAD_FRICTION[0], maximum=ROAD_FRICTION[1])
         # An asymmetric tyre would pull the car to one side. The longitudinal shift would brake by 4 % of the load at
         # zero slip (the rolling resistance of the set is 1 %), and drive above 8 kN.
         coefficients = self.tyre.symmetric().coefficients._replace(PHX1=0.0, PHX2=0.0)

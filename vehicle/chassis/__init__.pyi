@@ -4,6 +4,7 @@ from .common.interface import (
     CHASSIS,
     COAST,
     COMMON_CHANNELS,
+    COMMON_MEANINGS,
     COMMON_OUTPUTS,
     HAND,
     HAND_BRAKE,
@@ -18,6 +19,7 @@ from .common.interface import (
     Chassis,
     advance,
     available,
+    begin,
     chassis_of,
     checked,
     derivative,
@@ -27,6 +29,7 @@ from .common.interface import (
     register,
     report,
     speed,
+    start,
     state_size,
 )
 
@@ -36,6 +39,7 @@ __all__ = [
     "CHASSIS",
     "COAST",
     "COMMON_CHANNELS",
+    "COMMON_MEANINGS",
     "COMMON_OUTPUTS",
     "HAND",
     "HAND_BRAKE",
@@ -50,6 +54,7 @@ __all__ = [
     "Chassis",
     "advance",
     "available",
+    "begin",
     "chassis_of",
     "checked",
     "derivative",
@@ -59,5 +64,6 @@ __all__ = [
     "register",
     "report",
     "speed",
+    "start",
     "state_size",
 ]

@@ -43,8 +43,8 @@ class Column(NamedTuple):
     C1: float  # viscous damping of the handwheel [N m s/rad]
     C2: float  # viscous damping below the torsion bar [N m s/rad]
     I_arm: float = 0.0  # inertia of arms that hold the handwheel [kg m2]
-    C_arm: float = 0.0  # their damping [N m s/rad]
-    K_arm: float = 0.0  # their stiffness to the body of the driver [N m/rad]
+    C_arm: float = 0.0  # damping of arms that hold the handwheel [N m s/rad]
+    K_arm: float = 0.0  # stiffness of arms that hold the handwheel to the body of the driver [N m/rad]
 
 
 def make(

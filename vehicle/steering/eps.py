@@ -62,11 +62,11 @@ class Assist(NamedTuple):
     boost: NDArray[np.float64]  # (V, T) assist at the column, scaled [N m]
     damping: NDArray[np.float64]  # (V,) motor damping at the column [N m s/rad]
     lead_b0: float  # lead filter, y = b0 u + x; x <- b1 u - a1 y [1]
-    lead_b1: float  # [1]
-    lead_a1: float  # [1]
+    lead_b1: float  # lead filter, its b1 [1]
+    lead_a1: float  # lead filter, its a1 [1]
     delay: int  # whole samples between measurement and effect
-    offset: float  # remainder of that time [s]
-    bandwidth: float  # motor torque loop [rad/s]
+    offset: float  # remainder of the delay beyond whole samples [s]
+    bandwidth: float  # corner of the motor torque loop [rad/s]
     limit: float  # motor peak torque at the column [N m]
     functions: Functions | NoFunctions = NoFunctions()  # in addition to boost and damping
 

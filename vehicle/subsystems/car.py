@@ -1,32 +1,56 @@
 """The whole car as a subsystem: the plant as the environments and manoeuvres run it."""
 
-import numpy as np
-
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle import chassis, plant
 from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST, HAND, HAND_SPEED, INPUTS, TARGET_SPEED
-from steer_env.vehicle.layout import layout_of, size_of, states
+from steer_env.vehicle.layout import layout, layout_of, states
 from steer_env.vehicle.steering.column import HANDWHEEL_ANGLE, HANDWHEEL_SPEED
 from steer_env.vehicle.subsystems.subsystem import Signal, Subsystem, channel_signals, reached
 
+# Bounds of inputs are far beyond what a car meets, all assumed: nearly five turns of the handwheel, for example. What
+# is beyond is the mistake of a unit or a sensor, and would leave a state behind that takes seconds to return.
+TORQUE, FORCE = (-200.0, 200.0), (-1e5, 1e5)  # [N m], [N] or [N m]
+ANGLE, TURN, CHANGE = (-30.0, 30.0), (-200.0, 200.0), (-150.0, 150.0)  # [rad], [rad/s], [m/s]
+PEDAL = (0.0, 1.0)  # [1]
 HANDS = (
-    Signal("hand_torque", "N m", "torque of the hands, where the hand torque is given (robot is false)"),
-    Signal("hand_angle", "rad", "handwheel angle at the end of the step, where it is prescribed (robot is true)"),
-    Signal("hand_speed", "rad/s", "handwheel speed at the end of the step, where the angle is prescribed"),
+    Signal("hand_torque", "N m", "torque of the hands, positive to the left; acts without robot", 0.0, *TORQUE),
+    Signal(
+        "hand_angle", "rad", "handwheel angle at the step's end, positive to the left; acts with robot", 0.0, *ANGLE
+    ),
+    Signal(
+        "hand_speed", "rad/s", "handwheel speed at the step's end, positive to the left; acts with robot", 0.0, *TURN
+    ),
 )
-# Name and description by the name of the plant's input. The plain names of throttle and brake are those of channels.
+# Name, description and bounds by the name of the plant's input. The plain names of throttle and brake are those of
+# channels.
 NAMED = {
-    "assist_request": ("assist_request", "torque that is added to the command of the assist, at the column"),
-    "wind_force": ("wind_force", "side wind, at the centre of gravity of the body, to the left"),
-    "wind_moment": ("wind_moment", "yaw moment of the wind, to the left"),
-    "rack_disturbance": ("rack_disturbance", "force of the road on the rack, positive where it resists a left turn"),
-    "target_speed": ("target_speed", "change of the held speed"),
-    "throttle": ("throttle_request", "0 to 1, on top of the throttle of the speed hold"),
-    "brake": ("brake_request", "service brake, 0 to 1, on top of that of the speed hold"),
-    "hand_brake": ("hand_brake", "0 to 1"),
-    "coast": ("coast", "1 where the speed hold is off"),
+    "assist_request": ("assist_request", "torque on top of the assist's command, positive to the left", TORQUE),
+    "wind_force": ("wind_force", "force of the wind at the body's centre of gravity, positive to the left", FORCE),
+    "wind_moment": ("wind_moment", "moment of the wind, positive where it turns left", FORCE),
+    "rack_disturbance": ("rack_disturbance", "road's force on the rack, positive where it resists a left turn", FORCE),
+    "target_speed": ("target_speed", "change of the held speed, positive where it increases", CHANGE),
+    "throttle": ("throttle_request", "throttle, 0 to 1, on top of that of the speed hold", PEDAL),
+    "brake": ("brake_request", "service brake, 0 to 1, on top of that of the speed hold", PEDAL),
+    "hand_brake": ("hand_brake", "hand brake on the rear wheels, 0 to 1", PEDAL),
+    "coast": ("coast", "above 0 where the speed hold is off, 0 to 1", PEDAL),
 }
+_UNITS = dict(INPUTS)
 SETTLING = 5000  # samples that `plant.settled` runs straight
+
+
+def named(name: str) -> Signal:
+    """The input of a subsystem for an input of the plant."""
+    own, meaning, bounds = NAMED[name]
+    return Signal(own, _UNITS[name], meaning, 0.0, *bounds)
+
+
+@kernel
+def begin(p, state):
+    """Write the state from which straight running settles: all zero but for the chassis, which has its held speed."""
+    at = layout(p)
+    for i in range(state.size):
+        state[i] = 0.0
+    chassis.begin(p.chassis, state[at.chassis : at.rate])
 
 
 @kernel
@@ -49,14 +73,12 @@ def advance(p, state, given, inputs, outputs, samples):
 def subsystem(p: plant.Plant) -> Subsystem:
     """The car of a plant."""
     kind = chassis.chassis_of(p.chassis)
-    begin = np.zeros(size_of(p))
     first = layout_of(p).chassis
-    begin[first : first + len(kind.states)] = kind.start(p.chassis)
     start, shown = plant.settled(p)
     positions = tuple(i for i, (name, _) in enumerate(kind.states) if name in ("x", "y", "distance"))
     # A chassis that does not report its speed holds it; inputs that would change the speed have no effect.
     end = len(INPUTS) if "longitudinal_speed" in dict(kind.channels) else TARGET_SPEED
-    inputs = tuple(Signal(NAMED[name][0], unit, NAMED[name][1]) for name, unit in INPUTS[ASSIST_REQUEST:])
+    inputs = tuple(named(name) for name, _ in INPUTS[ASSIST_REQUEST:])
     return Subsystem(
         name="car",
         title="Car with its steering: hands, throttle, brake and wind in, every channel out",
@@ -65,9 +87,8 @@ def subsystem(p: plant.Plant) -> Subsystem:
         states=tuple(name for name, _ in states(p)),
         given=(*HANDS, *inputs[: end - ASSIST_REQUEST]),
         given_size=len(INPUTS) + 1,
-        outputs=channel_signals(plant.channels(p)),
+        outputs=channel_signals(plant.channels(p), plant.meanings(p)),
         inputs=len(INPUTS),
-        begin=begin,
         start=start,
         shown=shown,
         zero_states=tuple(first + i for i in positions),

@@ -13,9 +13,11 @@ from steer_env.vehicle.layout import layout
 from steer_env.vehicle.steering.column import COLUMN_ANGLE, COLUMN_SPEED
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 from steer_env.vehicle.subsystems import car
+from steer_env.vehicle.subsystems.steering import RACK, RACK_MEANINGS
 from steer_env.vehicle.subsystems.subsystem import Signal, Subsystem, channel_signals, is_finite, reached
 
 SECTIONS = ("chassis", "tyre")
+MOST = (1.0, 10.0)  # travel [m] and speed [m/s] that are taken; far beyond those of a rack, assumed
 NO_STOP = 1e9  # travel that no rack reaches [m]
 _NOT_HERE = ("assist_request", "rack_disturbance")
 _RACK_FORCE = plant.CHANNEL["rack_force"]
@@ -46,8 +48,7 @@ def subsystem(p: plant.Plant) -> Subsystem:
     whole = car.subsystem(p)
     alone = p._replace(pinion_radius=1.0, rack_limit=NO_STOP)
     given = (
-        Signal("rack_travel", "m", "at the end of the step, positive where it steers left"),
-        Signal("rack_speed", "m/s", "at the end of the step"),
+        *(Signal(name, unit, RACK_MEANINGS[name], 0.0, -most, most) for (name, unit), most in zip(RACK, MOST)),
         *(s for s in whole.given[len(car.HANDS) :] if s.name not in _NOT_HERE),
     )
     return whole._replace(
@@ -57,7 +58,7 @@ def subsystem(p: plant.Plant) -> Subsystem:
         sections=SECTIONS,
         given=given,
         given_size=2 + len(plant.INPUTS) - len(car.HANDS) + 1 - len(_NOT_HERE),
-        outputs=channel_signals(plant.channels(p)[_RACK_FORCE:]),
+        outputs=channel_signals(plant.channels(p)[_RACK_FORCE:], plant.meanings(p)),
         shown=np.ascontiguousarray(whole.shown[_RACK_FORCE:]),
         zero_outputs=tuple(i - _RACK_FORCE for i in whole.zero_outputs),
     )

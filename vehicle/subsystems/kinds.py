@@ -1,10 +1,10 @@
-"""The subsystems of a plant by the names that users type, and the one kernel that advances each of them."""
+"""The subsystems of a plant by the names that users type, and the kernels that begin and advance each of them."""
 
 from typing import Any, NamedTuple
 
 from steer_env.friction.numerics.check import one_of
 from steer_env.friction.numerics.kernel import dispatch, kernel, plain
-from steer_env.vehicle.chassis import chassis_of
+from steer_env.vehicle.chassis import chassis_of, start
 from steer_env.vehicle.plant import Plant
 from steer_env.vehicle.subsystems import car, chassis, steering
 from steer_env.vehicle.subsystems.subsystem import Subsystem
@@ -32,8 +32,7 @@ def make(name: str, p: Plant, speed: float) -> Subsystem:
     one_of("subsystem", name, SUBSYSTEMS)
     if name == "steering":
         return steering.subsystem(p, speed)
-    kind = chassis_of(p.chassis)
-    own = float(plain(kind.speed)(p.chassis, kind.start(p.chassis)))
+    own = float(plain(chassis_of(p.chassis).speed)(p.chassis, start(p.chassis)))
     if abs(own - speed) > ROUNDING:
         raise ValueError(
             f"the plant of the {name} drives at {own:.6g} m/s, not at {speed:.6g} m/s: make it at that speed"
@@ -74,6 +73,17 @@ def _chassis(subsystem, state, given, inputs, outputs, samples):
     return chassis.advance(subsystem.plant, state, given, inputs, outputs, samples)
 
 
+@kernel
+def _begin_plant(subsystem, state):
+    car.begin(subsystem.plant, state)
+
+
+@kernel
+def _begin_steering(subsystem, state):
+    steering.begin(subsystem.plant, state)
+
+
+_BEGIN: dict[type, Any] = {Car: _begin_plant, Steering: _begin_steering, Chassis: _begin_plant}
 _KERNELS: dict[type, Any] = {Car: _car, Steering: _steering, Chassis: _chassis}
 CLASSES: dict[str, Any] = {kind.__name__.lower(): kind for kind in _KERNELS}  # by the name of the subsystem
 
@@ -83,10 +93,16 @@ def register(kind: type, function: Any) -> None:
     _KERNELS[kind] = function
 
 
+def begin(subsystem, state):
+    """Write the state from which a subsystem settles in straight running."""
+    _BEGIN[type(subsystem)](subsystem, state)
+
+
 def advance(subsystem, state, given, inputs, outputs, samples):
     """Advance a subsystem by so many samples of 1 ms; whether its state is finite."""
     return _KERNELS[type(subsystem)](subsystem, state, given, inputs, outputs, samples)
 
 
+dispatch(begin, lambda kind, _: _BEGIN.get(kind))
 # Within its caller, so that a step of an FMU does not hand all parameters over by value.
 dispatch(advance, lambda kind, _: _KERNELS.get(kind), forceinline=True)

@@ -1,7 +1,8 @@
-"""Machine code of a subsystem: one function without Python, by its address in this process.
+"""Machine code of a subsystem: functions without Python, the first of them by its address in this process.
 
     int32_t steer_advance(int32_t *finite, void **unused, const double *numbers, const double *tables, double *state,
                           const double *given, double *inputs, double *outputs, int64_t samples)
+    int32_t steer_begin(int32_t *done, void **unused, const double *numbers, const double *tables, double *state)
 
 The kernels are those that Python runs, compiled by the same compiler for a function that takes addresses alone. The
 shapes of all arrays are constants in it. ``finite`` receives 0 where a state has ceased to be finite. The result of
@@ -17,7 +18,7 @@ from numba.core import cgutils
 
 from steer_env.friction.numerics.kernel import COMPILED, kernel
 from steer_env.friction.numerics.packing import Floats, at_addresses
-from steer_env.vehicle.subsystems.kinds import CLASSES, advance
+from steer_env.vehicle.subsystems.kinds import CLASSES, advance, begin
 from steer_env.vehicle.subsystems.subsystem import Subsystem
 
 _intrinsic: Any = extending.intrinsic  # whose first argument no caller gives
@@ -40,8 +41,15 @@ def entry(numbers, tables, state, given, inputs, outputs, samples):
     )
 
 
+@kernel
+def first(numbers, tables, state):
+    """Write the state from which a subsystem settles; arguments as the first of :func:`entry`. Always true."""
+    begin(at_addresses(numbers, tables), at_addresses(state, state))
+    return True
+
+
 def signature(subsystem: Subsystem) -> tuple:
-    """Types of the arguments with which :func:`entry` is the function of a subsystem."""
+    """Types of the arguments with which :func:`entry` is the function of a subsystem; :func:`first` takes the first."""
     shapes = subsystem.start.size, subsystem.given_size, (1, subsystem.inputs), (1, len(subsystem.outputs))
     numbers, arrays = (
         Floats(CLASSES[subsystem.name](subsystem.parameters)),

@@ -8,12 +8,26 @@ from steer_env.vehicle import plant
 from steer_env.vehicle.layout import size_of, states
 from steer_env.vehicle.steering.column import COLUMN_ANGLE, COLUMN_SPEED, HANDWHEEL_ANGLE, HANDWHEEL_SPEED
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
-from steer_env.vehicle.subsystems.car import HANDS, NAMED
+from steer_env.vehicle.subsystems.car import FORCE, HANDS, named
 from steer_env.vehicle.subsystems.subsystem import Signal, Subsystem, channel_signals, is_finite, reached
 
 # Fields of the plant that belong to the chassis.
 OF_CHASSIS = ("chassis", "strut", "tyre")
+FASTEST = 150.0  # vehicle speed that is taken; far beyond that of a car, assumed [m/s]
 _COLUMN = 8  # channels of the plant that are those of column and assist
+
+RACK = (("rack_travel", "m"), ("rack_speed", "m/s"))
+RACK_MEANINGS = {
+    "rack_travel": "travel of the rack at the end of the step, positive where it steers left",
+    "rack_speed": "speed of the rack at the end of the step, positive where it steers left",
+}
+
+
+@kernel
+def begin(p, state):
+    """Write the state of rest."""
+    for i in range(state.size):
+        state[i] = 0.0
 
 
 @kernel
@@ -40,12 +54,13 @@ def subsystem(p: plant.Plant, speed: float) -> Subsystem:
     """The steering of a plant; ``speed`` is the start value of the vehicle's [m/s]."""
     given = (
         *HANDS,
-        Signal("assist_request", "N m", NAMED["assist_request"][1]),
-        Signal("rack_force", "N", "mean over the step, positive where it resists a left turn"),
-        Signal("vehicle_speed", "m/s", "forward speed that the assist sees", speed),
+        named("assist_request"),
+        Signal(
+            "rack_force", "N", "force on the rack over the step, positive where it resists a left turn", 0.0, *FORCE
+        ),
+        Signal("vehicle_speed", "m/s", "speed that the assist sees, positive ahead", speed, -FASTEST, FASTEST),
     )
-    rack = (("rack_travel", "m"), ("rack_speed", "m/s"))
-    outputs = channel_signals((*plant.CHANNELS[:_COLUMN], *rack))
+    outputs = channel_signals((*plant.CHANNELS[:_COLUMN], *RACK), plant.meanings(p) | RACK_MEANINGS)
     return Subsystem(
         name="steering",
         title="Steering: hands, rack force and vehicle speed in; handwheel, hand torque, rack travel and friction out",
@@ -56,7 +71,6 @@ def subsystem(p: plant.Plant, speed: float) -> Subsystem:
         given_size=len(given),
         outputs=outputs,
         inputs=1,
-        begin=np.zeros(size_of(p)),
         start=np.zeros(size_of(p)),
         shown=np.zeros(len(outputs)),
         zero_states=(),

@@ -1,13 +1,14 @@
 """What a subsystem is: a kernel, its parameters, and the names and start values of what goes in and comes out."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 
 from steer_env.friction.numerics.interpolation import hermite
 from steer_env.friction.numerics.kernel import kernel
+from steer_env.vehicle.chassis.common.interface import WHEELS
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 
@@ -16,8 +17,10 @@ class Signal(NamedTuple):
 
     name: str
     unit: str
-    description: str
+    description: str  # what it is, and where it is positive
     start: float = 0.0  # of an input, in its unit
+    low: float = -math.inf  # least value, in its unit
+    high: float = math.inf  # largest value, in its unit
 
 
 class Subsystem(NamedTuple):
@@ -32,7 +35,6 @@ class Subsystem(NamedTuple):
     given_size: int
     outputs: tuple[Signal, ...]
     inputs: int  # numbers that the kernel needs for the inputs of one sample
-    begin: NDArray  # (S,) state from which it settles
     start: NDArray  # (S,) settled state
     shown: NDArray  # (C,) outputs there
     zero_states: tuple[int, ...]  # states that are set to zero after settling
@@ -40,9 +42,20 @@ class Subsystem(NamedTuple):
     settling: int  # samples
 
 
-def channel_signals(channels: Iterable[tuple[str, str]]) -> tuple[Signal, ...]:
-    """Outputs for channels of the plant, names and units."""
-    return tuple(Signal(name, unit, name.replace("_", " ")) for name, unit in channels)
+# What channels never leave.
+_BOUNDS = {"throttle": (0.0, 1.0), "brake_pedal": (0.0, 1.0), "gear": (1.0, math.inf)}
+
+
+def channel_signals(channels: Iterable[tuple[str, str]], meanings: Mapping[str, str]) -> tuple[Signal, ...]:
+    """Outputs for channels, names and units, with what they mean; those of each wheel by their names without it."""
+    found = []
+    for name, unit in channels:
+        wheel = next((w for w in WHEELS if name.endswith(f"_{w}") and name not in meanings), "")
+        meaning = meanings.get(name.removesuffix(f"_{wheel}"), name.replace("_", " "))
+        text = f"{wheel.replace('_', ' ')} wheel: {meaning}" if wheel else meaning
+        low, high = _BOUNDS.get(name, (-math.inf, math.inf))
+        found.append(Signal(name, unit, text, low=low, high=high))
+    return tuple(found)
 
 
 @kernel

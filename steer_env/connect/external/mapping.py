@@ -27,11 +27,12 @@ A mapping is a small TOML file, which names the unit and every variable that is 
 A unit that this project exports, or another one with the same names, needs no mapping.
 """
 
-from collections.abc import Iterable
+from collections.abc import Mapping as Named
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from steer_env.connect.external.vehicle import GIVEN, OF_PLANT, TAKEN
+from steer_env.connect.external.vehicle import GIVEN, OF_PLANT, START_SPEED, TAKEN
+from steer_env.connect.fmu.variables import HELD_SPEED
 from steer_env.friction.numerics import toml
 from steer_env.friction.numerics.check import flag, number, whole
 from steer_env.recording.channel_mapping import did_you_mean
@@ -43,8 +44,6 @@ TIME_LIMIT, MEMORY_LIMIT = 60.0, 4e9  # of a process of its own, assumed [s], [b
 _LIMITS = ("time_limit_s", "memory_limit_gb")
 _KEYS = ("fmu", "step_ms", "speed_m_s", "inputs", "outputs", "parameters", "meta", "own_process", *_LIMITS)
 _ENTRY_KEYS = ("variable", "unit", "sign")
-# The held speed, by its name in the units of this project that do not report one.
-_HELD_SPEED = ("longitudinal_speed", "chassis.speed", "chassis.v_x")
 
 
 class Entry(NamedTuple):
@@ -70,20 +69,24 @@ class Mapping(NamedTuple):
     memory_limit: float = MEMORY_LIMIT  # of a process of its own [byte]
 
 
-def load(path: str | Path, variables: Iterable[str]) -> Mapping:
+def load(path: str | Path, variables: Named[str, Any]) -> Mapping:
     """The mapping of a unit without a file: every variable that has one of this project's names.
+
+    The held speed of a chassis of this project is what it starts at, and its speed where it reports none.
 
     Parameters
     ----------
     path : str or Path
         The unit.
-    variables : iterable of str
-        Names of its variables.
+    variables : mapping
+        Its variables by their names, as fmpy describes them.
     """
-    there = set(variables)
-    inputs = {name: Entry(OF_PLANT.get(name, name)) for name in TAKEN if OF_PLANT.get(name, name) in there}
-    outputs = {name: Entry(name) for name in GIVEN if name in there}
-    speed = next((name for name in _HELD_SPEED if name in there), None)
+    inputs = {name: Entry(OF_PLANT.get(name, name)) for name in TAKEN if OF_PLANT.get(name, name) in variables}
+    outputs = {name: Entry(name) for name in GIVEN if name in variables}
+    held = next((name for name in HELD_SPEED if name in variables), None)
+    if held is not None and variables[held].causality == "parameter":  # which it was not always
+        inputs.setdefault(START_SPEED, Entry(held))
+    speed = next((name for name in ("longitudinal_speed", *HELD_SPEED) if name in variables), None)
     if speed is not None:
         outputs.setdefault("vehicle_speed", Entry(speed))
     return Mapping(Path(path), inputs, outputs, {}, None, 1, {})

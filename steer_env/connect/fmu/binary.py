@@ -101,7 +101,6 @@ def c_data(subsystem: Subsystem, variables: list[Variable], processor: Processor
             for name, values in (
                 ("numbers", numbers),
                 ("tables", tables),
-                ("begin", subsystem.begin),
                 ("start", subsystem.start),
                 ("shown", subsystem.shown),
                 ("given", [s.start for s in subsystem.given] + [0.0] * (subsystem.given_size - len(subsystem.given))),
@@ -113,7 +112,7 @@ def c_data(subsystem: Subsystem, variables: list[Variable], processor: Processor
         f"    .token = {json.dumps(token)},",
         f"    .processor = {json.dumps(processor.name)},",
         *(f"    .{name} = {name}," for name in ("requirements", "variables", "states", "numbers", "tables")),
-        *(f"    .{name} = {name}," for name in ("begin", "start", "shown", "given", "places", "rows")),
+        *(f"    .{name} = {name}," for name in ("start", "shown", "given", "places", "rows")),
         f"    .requirement_count = {len(needed)},",
         f"    .variable_count = {len(variables)},",
         f"    .number_count = {numbers.size},",
@@ -141,6 +140,11 @@ def _float(value: float) -> str:
     return float(np.float64(value)).hex()
 
 
+def _bound(value: float) -> str:
+    """A bound, which may be none."""
+    return _float(value) if math.isfinite(value) else "INFINITY" if value > 0.0 else "-INFINITY"
+
+
 def _variable(v: Variable) -> str:
     kind = "BOOLEAN" if v.boolean else "REAL"
-    return f"{{{json.dumps(v.name)}, {v.array}, {v.place}, {v.use}, {kind}, {int(v.not_negative)}}}"
+    return f"{{{json.dumps(v.name)}, {v.array}, {v.place}, {v.use}, {kind}, {_bound(v.low)}, {_bound(v.high)}}}"

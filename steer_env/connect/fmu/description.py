@@ -1,16 +1,20 @@
-"""``modelDescription.xml`` of an FMU, for FMI 2.0 and 3.0.
+"""``modelDescription.xml`` of an FMU, for FMI 2.0 and 3.0, and the terminals of FMI 3.0.
 
 The outputs depend on no input at a communication point: a new input acts from the next step on, so that an importer
-finds no algebraic loop. Sources: Functional Mock-up Interface 2.0.4, section 2.2 and 4.3, and 3.0.2, section 2.4 and
-4.3.
+finds no algebraic loop. Sources: Functional Mock-up Interface 2.0.4, section 2.2 and 4.3, and 3.0.2, section 2.4, 2.6
+and 4.3; the names of the quantities are those of the Modelica Standard Library.
 """
 
+import math
+import os
 import re
+from datetime import datetime, timezone
 from importlib import metadata
-from typing import Any
+from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
-from steer_env.connect.fmu.variables import Variable
+from steer_env.connect.fmu.variables import HELD_SPEED, Variable
+from steer_env.vehicle.chassis.common.interface import WHEELS
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 from steer_env.vehicle.subsystems import Subsystem
 
@@ -28,6 +32,64 @@ _KNOWN: dict[str, dict[str, int]] = {
     "Hz": {"s": -1},
     "K": {"K": 1},
 }
+
+
+AUTHOR = "The steer-env authors"
+COPYRIGHT = f"Copyright (c) 2026 {AUTHOR}"
+# Unit -> the one in which a driver reads it, and its factor.
+DISPLAY = {
+    "rad": ("deg", math.degrees(1.0)),
+    "rad/s": ("deg/s", math.degrees(1.0)),
+    "m/s": ("km/h", 3.6),
+    "m": ("mm", 1000.0),
+}
+
+
+class Kind(NamedTuple):
+    """A type that variables refer to."""
+
+    name: str
+    unit: str
+    quantity: str
+    nominal: float = 1.0  # usual size [unit]
+    displayed: bool = False  # whether in the unit of ``DISPLAY``
+
+
+_VEHICLE_SPEED = Kind("VehicleSpeed", "m/s", "Velocity", 10.0, True)
+_TRAVEL = Kind("Travel", "m", "Length", 0.01, True)
+_ROTATION = Kind("RotationalSpeed", "rad/s", "AngularVelocity", 100.0)
+_BY_NAME = {
+    **dict.fromkeys((*HELD_SPEED, "longitudinal_speed", "vehicle_speed", "target_speed"), _VEHICLE_SPEED),
+    **dict.fromkeys(("rack_travel", "rack_limit", *(f"travel_{wheel}" for wheel in WHEELS)), _TRAVEL),
+    **dict.fromkeys(("assist.bandwidth", *(f"wheel_angular_velocity_{wheel}" for wheel in WHEELS)), _ROTATION),
+    **dict.fromkeys((f"chassis.drive.{way}_{end}" for way in ("up", "down") for end in ("closed", "open")), _ROTATION),
+}
+_BY_UNIT = {
+    kind.unit: kind
+    for kind in (
+        Kind("Angle", "rad", "Angle", 0.1, True),
+        Kind("AngularVelocity", "rad/s", "AngularVelocity", 0.1, True),
+        Kind("Torque", "N m", "Torque"),
+        Kind("Force", "N", "Force", 1000.0),
+        Kind("Length", "m", "Length"),
+        Kind("Velocity", "m/s", "Velocity"),
+        Kind("Acceleration", "m/s2", "Acceleration"),
+        Kind("Mass", "kg", "Mass", 100.0),
+        Kind("MomentOfInertia", "kg m2", "MomentOfInertia"),
+        Kind("Time", "s", "Time"),
+        Kind("TemperatureDifference", "K", "TemperatureDifference"),
+        Kind("Pressure", "Pa", "Pressure", 1e5),
+        Kind("RotationalStiffness", "N m/rad", "RotationalSpringConstant", 100.0),
+        Kind("RotationalDamping", "N m s/rad", "RotationalDampingConstant"),
+        Kind("Stiffness", "N/m", "TranslationalSpringConstant", 1e4),
+        Kind("Damping", "N s/m", "TranslationalDampingConstant", 1e3),
+    )
+}
+
+
+def kind_of(v: Variable) -> Kind | None:
+    """The type of a variable; None for a boolean, and where its unit has no name of a quantity."""
+    return _BY_NAME.get(v.name) or _BY_UNIT.get(v.unit)
 
 
 def base_unit(unit: str) -> dict[str, int] | None:
@@ -59,7 +121,6 @@ USES: dict[str, dict[str, str]] = {
     "OUTPUT": {"causality": "output", "variability": "continuous", "initial": "calculated"},
     "FIXED": {"causality": "parameter", "variability": "fixed", "initial": "exact"},
     "TUNABLE": {"causality": "parameter", "variability": "tunable", "initial": "exact"},
-    "CONSTANT": {"causality": "local", "variability": "constant", "initial": "exact"},
     "INDEPENDENT": {"causality": "independent", "variability": "continuous"},
 }
 
@@ -86,6 +147,53 @@ def unit_definitions(root: ElementTree.Element, variables: list[Variable]) -> No
         each = ElementTree.SubElement(parent, "Unit", name=name)
         if powers is not None:
             ElementTree.SubElement(each, "BaseUnit", {base: str(power) for base, power in powers.items()})
+        if name in DISPLAY:
+            shown, factor = DISPLAY[name]
+            ElementTree.SubElement(each, "DisplayUnit", name=shown, factor=number(factor))
+
+
+def type_definitions(root: ElementTree.Element, variables: list[Variable], version: int) -> None:
+    """The types of the variables, with quantity, unit and usual size."""
+    kinds = sorted({kind for kind in map(kind_of, variables) if kind is not None})
+    if kinds:
+        parent = ElementTree.SubElement(root, "TypeDefinitions")
+    for kind in kinds:
+        about_it = {"quantity": kind.quantity, "unit": kind.unit, "nominal": number(kind.nominal)}
+        if kind.displayed:
+            about_it["displayUnit"] = DISPLAY[kind.unit][0]
+        if version == 2:
+            ElementTree.SubElement(ElementTree.SubElement(parent, "SimpleType", name=kind.name), "Real", about_it)
+        else:
+            ElementTree.SubElement(parent, "Float64Type", {"name": kind.name, **about_it})
+
+
+def real(v: Variable) -> dict[str, str]:
+    """Attributes of a real variable that both versions have."""
+    kind = kind_of(v)
+    found = {"declaredType": kind.name} if kind else {}
+    if v.unit:
+        found["unit"] = v.unit
+    for name, value in (("min", v.low), ("max", v.high)):
+        if math.isfinite(value):
+            found[name] = number(value)
+    if v.use not in ("OUTPUT", "INDEPENDENT"):
+        found["start"] = number(v.start)
+    return found
+
+
+def date() -> str:
+    """Time of the export in UTC; that of ``SOURCE_DATE_EPOCH`` [s], so that the same export gives the same bytes.
+
+    Raises
+    ------
+    ValueError
+        The variable of the environment holds no whole number.
+    """
+    given = os.environ.get("SOURCE_DATE_EPOCH", "")
+    if given and not given.isdecimal():
+        raise ValueError(f"SOURCE_DATE_EPOCH must be a whole number of seconds since 1970, got {given!r}")
+    made = datetime.fromtimestamp(int(given), timezone.utc) if given else datetime.now(timezone.utc)
+    return made.strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
 def about(subsystem: Subsystem, description: str, token_name: str, token: str) -> dict[str, str]:
@@ -94,9 +202,12 @@ def about(subsystem: Subsystem, description: str, token_name: str, token: str) -
         "modelName": f"steer-env {subsystem.name}",
         token_name: token,
         "description": f"{subsystem.title}. {description} {STEP_NOTE}",
+        "author": AUTHOR,
         "version": metadata.version("steer-env"),
+        "copyright": COPYRIGHT,
         "license": "MIT",
         "generationTool": f"steer-env {metadata.version('steer-env')}",
+        "generationDateAndTime": date(),
         "variableNamingConvention": "structured",
     }
 
@@ -133,6 +244,7 @@ def fmi2(subsystem: Subsystem, variables: list[Variable], identifier: str, token
     }
     ElementTree.SubElement(root, "CoSimulation", capabilities)
     unit_definitions(root, variables)
+    type_definitions(root, variables, 2)
     ElementTree.SubElement(
         ElementTree.SubElement(root, "LogCategories"), "Category", name="logStatusError", description="Errors"
     )
@@ -144,12 +256,7 @@ def fmi2(subsystem: Subsystem, variables: list[Variable], identifier: str, token
         if v.boolean:
             ElementTree.SubElement(each, "Boolean", start="true" if v.start else "false")
             continue
-        real = {"unit": v.unit} if v.unit else {}
-        if v.not_negative:
-            real["min"] = number(0.0)
-        if v.use != "OUTPUT":
-            real["start"] = number(v.start)
-        ElementTree.SubElement(each, "Real", real)
+        ElementTree.SubElement(each, "Real", real(v))
     structure = ElementTree.SubElement(root, "ModelStructure")
     results = [str(i) for i, v in enumerate(variables, 1) if v.use == "OUTPUT"]
     for name, attributes in (("Outputs", {"dependencies": ""}), ("InitialUnknowns", {})):
@@ -172,24 +279,67 @@ def fmi3(subsystem: Subsystem, variables: list[Variable], identifier: str, token
     }
     ElementTree.SubElement(root, "CoSimulation", capabilities)
     unit_definitions(root, variables)
+    type_definitions(root, variables, 3)
     categories = ElementTree.SubElement(root, "LogCategories")
     ElementTree.SubElement(categories, "Category", name="logStatusError", description="Errors")
     experiment(root)
     listed = ElementTree.SubElement(root, "ModelVariables")
     for i, v in enumerate(variables):
         attributes = {"name": v.name, "valueReference": str(i), "description": v.description, **USES[v.use]}
-        if v.unit:
-            attributes["unit"] = v.unit
-        if v.not_negative:
-            attributes["min"] = number(0.0)
-        if v.boolean:
-            attributes["start"] = "true" if v.start else "false"
-        elif v.use not in ("OUTPUT", "INDEPENDENT"):
-            attributes["start"] = number(v.start)
+        attributes |= {"start": "true" if v.start else "false"} if v.boolean else real(v)
         ElementTree.SubElement(listed, "Boolean" if v.boolean else "Float64", attributes)
     structure = ElementTree.SubElement(root, "ModelStructure")
     results = [str(i) for i, v in enumerate(variables) if v.use == "OUTPUT"]
     for name, more in (("Output", {"dependencies": ""}), ("InitialUnknown", {})):
         for reference in results:
             ElementTree.SubElement(structure, name, {"valueReference": reference, **more})
+    return text_of(root)
+
+
+# Terminal -> what it is, and its variables by the names that they have in it, of which a unit may lack some.
+_TERMINALS: dict[str, tuple[str, dict[str, str]]] = {
+    "hands": (
+        "Handwheel: its motion and torque, and what the hands give",
+        {
+            **{"angle": "handwheel_angle", "speed": "handwheel_speed", "torque": "handwheel_torque"},
+            **{"given_angle": "hand_angle", "given_speed": "hand_speed", "given_torque": "hand_torque"},
+        },
+    ),
+    "rack": (
+        "Rack between steering and wheels: travel and speed are positive where they steer left, the force against that",
+        {"travel": "rack_travel", "speed": "rack_speed", "force": "rack_force", "disturbance": "rack_disturbance"},
+    ),
+    **{
+        f"wheel_{wheel}": (
+            f"{wheel.replace('_', ' ').capitalize()} wheel: its motion and the forces of the road on its tyre",
+            {
+                **({"steer_angle": f"road_wheel_angle_{wheel[6:]}"} if wheel.startswith("front") else {}),
+                **{"travel": f"travel_{wheel}", "angular_velocity": f"wheel_angular_velocity_{wheel}"},
+                **{f"{way}_force": f"{way}_force_{wheel}" for way in ("longitudinal", "lateral")},
+                **{"load": f"wheel_load_{wheel}", "aligning_torque": f"aligning_torque_{wheel}"},
+                **{f"road_{what}": f"road_{what}_{wheel}" for what in ("height", "slope", "friction")},
+            },
+        )
+        for wheel in WHEELS
+    },
+}
+
+
+def terminals(variables: list[Variable]) -> bytes:
+    """``terminalsAndIcons.xml`` of a unit of FMI 3.0: its mechanical interfaces, and the size of its icon."""
+    names = {v.name for v in variables}
+    root = ElementTree.Element("fmiTerminalsAndIcons", fmiVersion="3.0")
+    corners = {"x1": "-100", "y1": "-100", "x2": "100", "y2": "100"}
+    drawn = ElementTree.SubElement(root, "GraphicalRepresentation")
+    ElementTree.SubElement(drawn, "CoordinateSystem", {**corners, "suggestedScalingFactorTo_mm": "0.1"})
+    ElementTree.SubElement(drawn, "Icon", corners)
+    parent = ElementTree.SubElement(root, "Terminals")
+    for name, (text, members) in _TERMINALS.items():
+        there = {member: variable for member, variable in members.items() if variable in names}
+        if not there:
+            continue
+        terminal = ElementTree.SubElement(parent, "Terminal", name=name, matchingRule="plug", description=text)
+        for member, variable in there.items():
+            about_it = {"variableName": variable, "memberName": member, "variableKind": "signal"}
+            ElementTree.SubElement(terminal, "TerminalMemberVariable", about_it)
     return text_of(root)

@@ -3,6 +3,7 @@
 import hashlib
 import io
 import json
+import math
 import re
 import tempfile
 import uuid
@@ -17,7 +18,7 @@ import numpy as np
 from steer_env.connect.fmu import binary, description
 from steer_env.connect.fmu.description import STEP_NOTE
 from steer_env.connect.fmu.object_code import PLATFORMS, Processor, module_text, object_code, processor
-from steer_env.connect.fmu.variables import Variable, variables
+from steer_env.connect.fmu.variables import Variable, variables, with_road
 from steer_env.friction import law_of
 from steer_env.friction.law import as_mapping
 from steer_env.friction.numerics.check import one_of
@@ -32,7 +33,9 @@ FOLDERS = {
     2: {"linux64": "linux64", "win64": "win64"},
     3: {"linux64": "x86_64-linux", "win64": "x86_64-windows"},
 }
-_DATE = (1980, 1, 1, 0, 0, 0)  # of every file in the archive, so that the same export gives the same bytes
+# Of every file in the archive. The same export gives the same bytes, but for the date in the description, which
+# SOURCE_DATE_EPOCH sets.
+_DATE = (1980, 1, 1, 0, 0, 0)
 
 
 def export(
@@ -64,7 +67,7 @@ def export(
     chassis : str
         A name of :func:`steer_env.vehicle.chassis.available`; the steering alone has none.
     speed : float
-        Held speed [m/s], for which the unit is made; of the steering alone the start value of the vehicle's speed.
+        Start value of the held speed [m/s], which can be set; of the steering alone that of the vehicle's speed.
     robot : bool
         Start value of the parameter ``robot``: whether the handwheel angle is prescribed, and not the hand torque.
     road_friction : float
@@ -85,7 +88,7 @@ def export(
     Raises
     ------
     ValueError
-        A bad value, a missing compiler or a missing package; the message tells what to do.
+        A bad value, also of SOURCE_DATE_EPOCH, a missing compiler or package; the message tells what to do.
     """
     wanted = _checked(Path(path), subsystem, fmi, platforms)
     loaded = vehicle if isinstance(vehicle, cars.Car) else cars.load(vehicle)
@@ -97,7 +100,7 @@ def export(
         "chassis": (rolls, chassis),
     }[subsystem]
     told = f"Car {loaded.name}, {contents}; processor level {cpu}."
-    made = subsystems.make(subsystem, p, speed)
+    made = with_road(subsystems.make(subsystem, p, speed))
     files = _files(made, re.sub(r"\W", "_", f"steer_{subsystem}_{label}"), told, wanted, fmi, processor(cpu))
     made_of = {
         **{"part": subsystem, "chassis": chassis, "speed_m_s": speed, "robot": robot, "road_friction": road_friction},
@@ -154,6 +157,7 @@ def _files(
     files: dict[str, bytes] = {
         "modelDescription.xml": text,
         ICONS[version]: _icon(),
+        **({"terminalsAndIcons/terminalsAndIcons.xml": description.terminals(listed)} if version == 3 else {}),
         "documentation/index.html": _page(subsystem, listed, level, told).encode(),
     }
     for platform, code in objects.items():
@@ -168,7 +172,6 @@ _GROUPS = {
     "Outputs": "OUTPUT",
     "Tunable parameters": "TUNABLE",
     "Fixed parameters": "FIXED",
-    "Constants": "CONSTANT",
     "Independent variable": "INDEPENDENT",
 }
 _SIZE = 100  # of the icon [pixels]
@@ -185,6 +188,7 @@ def _page(subsystem: Subsystem, variables: list[Variable], processor: Processor,
         .get_template("index.html")
         .render(
             title=subsystem.title,
+            infinity=math.inf,
             told=told,
             step_note=STEP_NOTE,
             settling=f"{subsystem.settling * SAMPLE_TIME:g}",

@@ -8,9 +8,9 @@ from llvmlite import binding as llvm
 from steer_env.friction.numerics.check import one_of
 from steer_env.friction.numerics.kernel import plain
 from steer_env.vehicle.subsystems import Subsystem
-from steer_env.vehicle.subsystems.machine_code import entry, require_compiled, signature
+from steer_env.vehicle.subsystems.machine_code import entry, first, require_compiled, signature
 
-FUNCTION = "steer_advance"
+FUNCTIONS = {"steer_advance": entry, "steer_begin": first}
 TRIPLES = {"linux64": "x86_64-unknown-linux-gnu", "win64": "x86_64-w64-windows-gnu"}
 PLATFORMS = tuple(TRIPLES)
 # Feature of LLVM -> where the instruction ``cpuid`` reports it: leaf, register (a, b, c, d) and bit; sub-leaf 0.
@@ -84,7 +84,7 @@ def processor(name: str) -> Processor:
 
 
 def module_text(subsystem: Subsystem) -> str:
-    """LLVM module of a subsystem, optimised, whose only visible function is ``steer_advance``.
+    """LLVM module of a subsystem, optimised, whose only visible functions are ``steer_advance`` and ``steer_begin``.
 
     Its code is made for the structure of the subsystem's parameters, not for their values.
 
@@ -94,19 +94,27 @@ def module_text(subsystem: Subsystem) -> str:
         Where kernels are not compiled (``NUMBA_DISABLE_JIT=1``).
     """
     require_compiled("an FMU")
-    kinds = signature(subsystem)
+    whole = llvm.parse_assembly("")
+    for name, function in FUNCTIONS.items():
+        whole.link_in(_module(name, function, signature(subsystem)))
+    return str(whole)
+
+
+def _module(name: str, kernel: Any, arguments: tuple) -> llvm.ModuleRef:
+    """LLVM module of a kernel, for the first of these arguments, whose only visible function is ``name``."""
+    kinds = arguments[: plain(kernel).__code__.co_argcount]
     # No entry points for Python, no counting of references: nothing but the function itself is compiled.
     bare: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "_nrt": False}
-    compiled: Any = numba.njit(nogil=True, error_model="numpy", **bare)(plain(entry))
+    compiled: Any = numba.njit(nogil=True, error_model="numpy", **bare)(plain(kernel))
     compiled.compile(kinds)
     result = compiled.overloads[kinds]
     module = llvm.parse_assembly(result.library.get_llvm_str())
     function = module.get_function(result.fndesc.llvm_func_name)
-    function.name, function.visibility = FUNCTION, "hidden"  # several FMUs in a process must not find one another's
+    function.name, function.visibility = name, "hidden"  # several FMUs in a process must not find one another's
     for member in (*module.functions, *module.global_variables):
-        if not member.is_declaration and member.name != FUNCTION:
+        if not member.is_declaration and member.name != name:
             member.linkage = "internal"
-    return str(module)
+    return module
 
 
 def object_code(module: str, platform: str, processor: Processor) -> bytes:

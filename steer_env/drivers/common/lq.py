@@ -28,8 +28,7 @@ EFFORT = 0.03
 
 def held_speed(p: plant.Plant) -> float:
     """The speed at which a plant starts [m/s]."""
-    kind = chassis.chassis_of(p.chassis)
-    return float(kind.speed(p.chassis, np.array(kind.start(p.chassis), dtype=float)))
+    return float(chassis.chassis_of(p.chassis).speed(p.chassis, chassis.start(p.chassis)))
 
 
 def sampled_model(model: linear.LinearSingleTrack, samples: int) -> tuple[Array, Array, Array]:

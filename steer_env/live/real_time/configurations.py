@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.friction.numerics.packing import pack
-from steer_env.vehicle.plant import CHANNEL, CHANNELS
+from steer_env.vehicle.plant import CHANNEL, CHANNELS, meanings
 from steer_env.vehicle.steering.column import COLUMN_ANGLE, COLUMN_SPEED, HANDWHEEL_ANGLE, HANDWHEEL_SPEED, Column
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 from steer_env.vehicle.subsystems import Car, Subsystem, channel_signals, is_finite, register
@@ -321,8 +321,7 @@ class CarConfigurations:
             parameters=self.memory,
             states=(),
             given=max((car.given for car in cars), key=len),  # those of a chassis whose speed is not held, too
-            outputs=channel_signals(CHANNELS),
-            begin=state,
+            outputs=channel_signals(CHANNELS, meanings(cars[0].parameters)),
             start=state,
             shown=cars[0].shown[: len(CHANNELS)].copy(),
         )

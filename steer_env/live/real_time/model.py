@@ -22,26 +22,6 @@ _STALE = {
     **{"hand_angle": HOLDS, "rack_travel": HOLDS, "vehicle_speed": HOLDS},
     **{"hand_speed": STOPS, "rack_speed": STOPS},
 }
-# Largest size of an input that is taken, in its unit, far beyond what a car meets; all assumed. What is larger is the
-# mistake of a unit or a sensor, and would leave a state behind that takes seconds to return.
-LARGEST = {
-    "hand_torque": 200.0,
-    "hand_angle": 30.0,  # nearly five turns to either side
-    "hand_speed": 200.0,
-    "assist_request": 200.0,
-    "wind_force": 1e5,
-    "wind_moment": 1e5,
-    "rack_disturbance": 1e5,
-    "rack_force": 1e5,
-    "vehicle_speed": 150.0,
-    "rack_travel": 1.0,
-    "rack_speed": 10.0,
-    "target_speed": 150.0,
-    "throttle_request": 1.0,
-    "brake_request": 1.0,
-    "hand_brake": 1.0,
-    "coast": 1.0,
-}
 # Handwheel speed beyond which a change of its angle is a fault of the sensor, and no motion [rad/s]; assumed. Hands
 # reach some 25, a motor without hands some 40.
 FASTEST = 60.0
@@ -85,7 +65,7 @@ def model_of(source: "Subsystem | CarConfigurations") -> Model:
     stale = np.full(subsystem.given_size, FADES)
     stale[: len(subsystem.given)] = [_STALE.get(signal.name, FADES) for signal in subsystem.given]
     largest = np.full(subsystem.given_size, math.inf)
-    largest[: len(subsystem.given)] = [LARGEST.get(signal.name, math.inf) for signal in subsystem.given]
+    largest[: len(subsystem.given)] = [max(-signal.low, signal.high) for signal in subsystem.given]
     names, given = ([signal.name for signal in signals] for signals in (subsystem.outputs, subsystem.given))
     shown = subsystem.shown.reshape(1, -1).copy()
     return Model(
@@ -142,7 +122,7 @@ def step(model, samples):
 
 @kernel
 def implausible(model, inputs):
-    """Number of the first input that is not finite or larger than LARGEST; -1 where there is none."""
+    """Number of the first input that is not finite or too large; -1 where there is none."""
     for i in range(inputs.size):
         if not (abs(inputs[i]) <= model.largest[i] and abs(inputs[i]) < math.inf):
             return i

@@ -8,11 +8,11 @@ import pytest
 
 from steer_env import manoeuvres, metrics
 from steer_env.connect import fmu
-from steer_env.connect.external import Coupled, Coupling, CouplingError, FmuVehicle, UdpVehicle, opened
+from steer_env.connect.external import Coupled, Coupling, CouplingError, FmuVehicle, UdpVehicle, mapping, opened
 from steer_env.connect.udp import Server
 from steer_env.vehicle import cars, plant, subsystems
 
-pytest.importorskip("fmpy", reason="the extra fmu is not installed")
+fmpy = pytest.importorskip("fmpy", reason="the extra fmu is not installed")
 if shutil.which("cc") is None:
     pytest.skip("there is no C compiler", allow_module_level=True)
 
@@ -29,8 +29,16 @@ def unit(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def standing(tmp_path_factory):
+    """A mapping of a unit at standstill that does not set the speed to start at."""
     path = tmp_path_factory.mktemp("standing") / "chassis.fmu"
-    return fmu.export(path, subsystem="chassis", chassis="two_track", speed=0.0)
+    fmu.export(path, subsystem="chassis", chassis="two_track", speed=0.0)
+    mapped = mapping.load(path, {v.name: v for v in fmpy.read_model_description(str(path)).modelVariables})
+    assert mapped.inputs.pop("start_speed").variable == "chassis.body.speed"
+    entries = (("inputs", mapped.inputs), ("outputs", mapped.outputs))
+    lines = [f"[{kind}.{name}]\nvariable = '{e.variable}'" for kind, of in entries for name, e in of.items()]
+    toml = path.with_suffix(".toml")
+    toml.write_text("\n".join([f"fmu = '{path.name}'", *lines]))
+    return toml
 
 
 def hard_sine(samples=4000):
@@ -91,6 +99,22 @@ def test_every_way_to_the_vehicle_gives_the_same_bits(unit, tmp_path):
             UdpVehicle(server.layout, server.address)
 
 
+def test_a_chassis_drives_at_another_speed_than_that_of_its_export(unit, tmp_path):
+    """To the bit as one that was exported at that speed."""
+    slow = fmu.export(tmp_path / "slow.fmu", subsystem="chassis", speed=20.0)
+    p, found = CAR.plant("lugre", 20.0), []
+    for path in (unit, slow):
+        vehicle = FmuVehicle(path)
+        coupled = Coupled(vehicle, 20.0, Coupling())
+        state, row = coupled.settled(p)
+        record = np.zeros((1000, row.size))
+        coupled.run(p, state, hard_sine(1000), record, 1)
+        vehicle.close()
+        found.append(record)
+    assert np.array_equal(found[0], found[1], equal_nan=True)
+    assert np.ptp(found[0][:, plant.CHANNEL["lateral_acceleration"]]) > 0.5
+
+
 def test_a_vehicle_behind_a_silent_port_is_told(unit):
     with Server(subsystems.make("chassis", CAR.plant("lugre", SPEED), SPEED)) as server:
         vehicle = UdpVehicle(server.layout, server.address, SPEED)
@@ -114,6 +138,15 @@ def test_a_chassis_that_stands_is_brought_to_the_speed_of_the_manoeuvre(name, st
         assert bool(divided[metric].reason) == bool(value.reason), divided[metric].reason
         if not value.reason:
             assert divided[metric].value == pytest.approx(value.value, rel=0.05, abs=1e-6)
+
+
+def test_a_chassis_that_starts_at_the_speed_of_the_manoeuvre_drives_as_the_whole_car(standing):
+    manoeuvre = manoeuvres.make("step-steer")
+    whole = metrics.evaluate(manoeuvres.drive(CAR, replace(manoeuvre, chassis="two_track")))
+    divided = metrics.evaluate(divided_drive(manoeuvre, standing.with_suffix(".fmu")))
+    for metric, value in whole.items():
+        if not value.reason:
+            assert divided[metric].value == pytest.approx(value.value, rel=1e-3, abs=1e-6)
 
 
 def test_parking_and_a_change_of_speed_that_a_manoeuvre_asks_for(standing):

@@ -3,6 +3,8 @@
  *   harness LIBRARY TOKEN time STEPS            nanoseconds of a step of 1 ms
  *   harness LIBRARY TOKEN print STEPS INPUT OUTPUT...  a line after each step with a sine at the input; hexadecimal
  *   harness LIBRARY TOKEN check STEPS INSTANCES  every bad call, many instances and steps; the growth of memory [bytes]
+ *   harness LIBRARY TOKEN weave STEPS ANGLE RATE START SPEEDS OUTPUT...  the same of a weave, one after another at
+ *                                               speeds with commas between them, to which the parameter START is set
  */
 
 #include "fmi2FunctionTypes.h"
@@ -104,6 +106,14 @@ static void bad_values(fmi2Component c)
     REFUSED(F(fmi2SetBoolean)(c, &torque, 1, NULL), "no array");
     REFUSED(F(fmi2GetBoolean)(c, &torque, 1, NULL), "no array");
     REFUSED(F(fmi2CancelStep)(c), "fmi2CancelStep");
+    value = 201.0;
+    REFUSED(F(fmi2SetReal)(c, &torque, 1, &value), "hand_torque must be at most 200, got 201");
+    REFUSED(F(fmi2GetReal)(c, NULL, 1, &value), "no array");
+    REFUSED(F(fmi2GetReal)(c, &torque, 1, NULL), "no array");
+    REFUSED(F(fmi2GetRealStatus)(c, fmi2LastSuccessfulTime, NULL), "no place");
+    REFUSED(F(fmi2GetBooleanStatus)(c, fmi2Terminated, NULL), "no place");
+    REFUSED(F(fmi2GetFMUstate)(c, NULL), "no place");
+    REFUSED(F(fmi2SerializedFMUstateSize)(c, NULL, NULL), "no place");
 }
 
 static void bad_steps(fmi2Component c)
@@ -211,19 +221,54 @@ static void check(long steps, long instances)
     printf("%ld\n", resident() - before);
 }
 
+/* Outputs by their references, on a line. */
+static void print_line(fmi2Component c, char **outputs, int count)
+{
+    for (int k = 0; k < count; k++) {
+        fmi2ValueReference output = (fmi2ValueReference)atol(outputs[k]);
+        fmi2Real value;
+        EXPECT(F(fmi2GetReal)(c, &output, 1, &value) == fmi2OK);
+        printf("%a ", value);
+    }
+    printf("\n");
+}
+
 static void print(fmi2Component c, long steps, fmi2ValueReference input, char **outputs, int count)
 {
     for (long i = 0; i < steps; i++) {
         fmi2Real value = 4.0 * sin(3e-3 * (double)(i + 1));
         EXPECT(F(fmi2SetReal)(c, &input, 1, &value) == fmi2OK);
         EXPECT(F(fmi2DoStep)(c, 1e-3 * (double)i, 1e-3, fmi2True) == fmi2OK);
-        for (int k = 0; k < count; k++) {
-            fmi2ValueReference output = (fmi2ValueReference)atol(outputs[k]);
-            EXPECT(F(fmi2GetReal)(c, &output, 1, &value) == fmi2OK);
-            printf("%a ", value);
-        }
-        printf("\n");
+        print_line(c, outputs, count);
     }
+}
+
+/* A weave of 0.2 Hz by one instance, which begins anew at every speed. */
+static void weave(long steps, char **words, char **outputs, int count)
+{
+    const double amplitude = 0.3, omega = 2.0 * 3.14159265358979 * 0.2;
+    fmi2ValueReference hands[] = {(fmi2ValueReference)atol(words[0]), (fmi2ValueReference)atol(words[1])};
+    fmi2ValueReference start = (fmi2ValueReference)atol(words[2]);
+    fmi2Component c = F(fmi2Instantiate)("unit", fmi2CoSimulation, token, "", &callbacks, fmi2False, fmi2False);
+    EXPECT(c);
+    for (char *word = strtok(words[3], ","); word; word = strtok(NULL, ",")) {
+        fmi2Real speed = strtod(word, NULL);
+        EXPECT(F(fmi2SetupExperiment)(c, fmi2False, 0.0, 0.0, fmi2False, 0.0) == fmi2OK);
+        EXPECT(F(fmi2SetReal)(c, &start, 1, &speed) == fmi2OK);
+        EXPECT(F(fmi2EnterInitializationMode)(c) == fmi2OK);
+        print_line(c, outputs, count);
+        EXPECT(F(fmi2ExitInitializationMode)(c) == fmi2OK);
+        for (long i = 0; i < steps; i++) {
+            double t = 1e-3 * (double)(i + 1);
+            fmi2Real hand[] = {amplitude * sin(omega * t), amplitude * omega * cos(omega * t)};
+            EXPECT(F(fmi2SetReal)(c, hands, 2, hand) == fmi2OK);
+            EXPECT(F(fmi2DoStep)(c, 1e-3 * (double)i, 1e-3, fmi2True) == fmi2OK);
+            print_line(c, outputs, count);
+        }
+        REFUSED(F(fmi2SetReal)(c, &start, 1, &speed), "can be set only until initialization ends");
+        EXPECT(F(fmi2Reset)(c) == fmi2OK);
+    }
+    F(fmi2FreeInstance)(c);
 }
 
 int main(int count, char **words)
@@ -236,6 +281,10 @@ int main(int count, char **words)
     long steps = atol(words[4]);
     if (!strcmp(words[3], "check") && count > 5) {
         check(steps, atol(words[5]));
+        return 0;
+    }
+    if (!strcmp(words[3], "weave") && count > 9) {
+        weave(steps, words + 5, words + 9, count - 9);
         return 0;
     }
     fmi2Component c = ready();

@@ -78,6 +78,11 @@ static void bad_calls(void)
     REFUSED(F(fmi3SetBoolean)(c, &torque, 1, NULL, 1), "no array");
     REFUSED(F(fmi3GetBoolean)(c, &torque, 1, NULL, 1), "no array");
     REFUSED(F(fmi3DoStep)(c, 0.0, 1e-3, fmi3True, NULL, NULL, NULL, NULL), "no place for what it returns");
+    values[0] = -201.0;
+    REFUSED(F(fmi3SetFloat64)(c, &torque, 1, values, 1), "hand_torque must be at least -200, got -201");
+    REFUSED(F(fmi3GetFloat64)(c, NULL, 1, values, 1), "no array");
+    REFUSED(F(fmi3GetFMUState)(c, NULL), "no place");
+    REFUSED(F(fmi3SerializedFMUStateSize)(c, NULL, NULL), "no place");
     REFUSED(F(fmi3EnterStepMode)(c), "does not offer fmi3EnterStepMode");
     REFUSED(step(c, 0.0, 0.0), "must be positive");
     REFUSED(step(c, 0.0, 1.5e-3), "whole number of milliseconds");

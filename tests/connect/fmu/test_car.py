@@ -3,11 +3,14 @@
 import ctypes
 import dataclasses
 import json
+import math
+import re
 import shutil
 import subprocess
 import sys
 import time
 import zipfile
+from datetime import datetime, timezone
 from itertools import product
 from pathlib import Path
 
@@ -16,8 +19,9 @@ import pytest
 
 from steer_env import friction, manoeuvres
 from steer_env.connect import fmu
+from steer_env.connect.fmu.variables import variables
 from steer_env.friction.numerics.kernel import bind
-from steer_env.vehicle import cars, plant
+from steer_env.vehicle import cars, plant, subsystems
 from tests.connect.fmu.runs import STEP, begin, bits, hand_names, opened, replay
 
 fmpy = pytest.importorskip("fmpy", reason="the extra fmu is not installed")
@@ -26,6 +30,7 @@ if shutil.which("cc") is None:
     pytest.skip("there is no C compiler", allow_module_level=True)
 
 HARNESS = Path(__file__).with_name("harness.c")
+ROOT = Path(__file__).parents[3]
 
 
 @pytest.fixture(scope="module")
@@ -110,8 +115,115 @@ def test_description_has_units_and_the_start_values_of_python(weave):
         "column.I2": "tunable",
         "friction.F_c": "tunable",
         "chassis.m": "fixed",
-        "chassis.v_x": "constant",
+        "chassis.v_x": "fixed",
     }
+
+
+SIGNED = re.compile("positive|increase|decrease")  # words that say which sign means what
+
+
+# The steering has all that differs by the law.
+@pytest.mark.parametrize(
+    ("subsystem", "law"), [("car", "lugre"), ("chassis", "lugre"), *(("steering", law) for law in friction.available())]
+)
+def test_every_variable_says_what_it_is_and_where_it_is_positive(subsystem, law):
+    """Each description has more words than the name, and no two parameters of a part have the same."""
+    data = cars.load("compact").data()
+    if subsystem == "steering":
+        functions = ("return_gain", "handwheel_damping", "inertia_compensation", "lead_lag_gain", "friction_share")
+        data["assist"] |= dict.fromkeys(functions, 0.005)
+    for chassis in CHASSIS:
+        listed = variables(subsystems.make(subsystem, cars.load(data).plant(law, 20.0, chassis=chassis), 20.0), 3)
+        for v in listed:
+            words = v.description.lower().replace("_", " ")
+            assert words not in (v.name.replace("_", " "), v.name.rpartition(".")[2].replace("_", " ")), v
+            assert not re.match("(of|its|their|along|rear$|lateral$|full) ", words), v
+            if v.low < 0.0 and v.use in ("INPUT", "OUTPUT"):
+                assert SIGNED.search(words), v
+            elif math.isfinite(v.low) and v.low < 0.0:
+                assert SIGNED.search(words) or "temperature" in words, v
+            assert v.boolean or v.low <= v.start <= v.high, v
+        told = [v.description for v in listed if v.array == "NUMBERS" and not v.name.startswith(("tyre.", "friction."))]
+        assert len(set(told)) == len(told), sorted(text for text in told if told.count(text) > 1)
+
+
+def test_bounds_are_enforced_and_a_refused_call_takes_nothing(weave, tmp_path):
+    """Every bound that the description has, on every variable that can be set, alone and behind a good value."""
+    from fmpy.fmi1 import FMICallException
+
+    listed = fmpy.read_model_description(str(weave[1])).modelVariables
+    beyond = [
+        (v.name, bound, np.nextafter(bound, away), word)
+        for v in listed
+        if v.causality in ("input", "parameter")
+        for bound, away, word in ((v.min, -np.inf, "least"), (v.max, np.inf, "most"))
+        if bound is not None
+        for bound in (float(bound),)
+    ]
+    assert {"hand_torque", "chassis.v_x", "chassis.mu", "column.K_tb", "rack_limit"} <= {name for name, *_ in beyond}
+    with opened(weave[1], tmp_path) as (unit, references, said):
+        other = references["wind_force"]
+        for name, bound, value, word in beyond:
+            before = unit.getReal([other, references[name]])
+            with pytest.raises(FMICallException):
+                unit.setReal([other, references[name]], [123.0, value])
+            assert f"{name} must be at {word} {bound:.9g}, got {value:.17g}" in said[-1]
+            assert unit.getReal([other, references[name]]) == before
+            unit.setReal([references[name]], [bound])
+            unit.setReal([references[name]], before[1:])
+
+
+@pytest.mark.parametrize(("name", "value"), [("throttle_request", 5.0), ("brake_request", -0.1), ("coast", 7.0)])
+def test_pedals_beyond_their_range_are_refused(name, value, standing, tmp_path):
+    from fmpy.fmi1 import FMICallException
+
+    with opened(standing, tmp_path) as (unit, references, said):
+        begin(unit)
+        with pytest.raises(FMICallException):
+            unit.setReal([references[name]], [value])
+        assert f"{name} must be at" in said[-1]
+        assert unit.getReal([references[name]]) == [0.0]
+
+
+@pytest.fixture(scope="module")
+def standing(tmp_path_factory):
+    """A unit on two tracks at standstill."""
+    return fmu.export(tmp_path_factory.mktemp("standing") / "car.fmu", chassis="two_track", speed=0.0)
+
+
+def test_types_have_quantities_and_what_a_driver_reads(standing):
+    description = fmpy.read_model_description(str(standing))
+    listed = {v.name: v for v in description.modelVariables}
+    named = {name: v.declaredType for name, v in listed.items() if v.declaredType is not None}
+    assert all(
+        kind.quantity and float(kind.nominal) > 0.0 and kind.unit == listed[name].unit for name, kind in named.items()
+    )
+    assert {v.unit for name, v in listed.items() if name not in named and v.causality == "output"} == {"1"}
+    shown = {"handwheel_angle": "deg", "yaw_rate": "deg/s", "longitudinal_speed": "km/h", "chassis.body.speed": "km/h"}
+    assert {name: named[name].displayUnit for name in shown} == shown
+    factors = {each.name: float(each.factor) for unit in description.unitDefinitions for each in unit.displayUnits}
+    assert factors == {"deg": pytest.approx(180.0 / math.pi), "deg/s": factors["deg"], "km/h": 3.6, "mm": 1000.0}
+
+
+def test_the_same_export_gives_the_same_bytes(tmp_path, monkeypatch):
+    """With the date from outside; without, the date is that of the export."""
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "86400")
+    first, again = (
+        fmu.export(tmp_path / name, subsystem="steering", fmi=fmi) for name, fmi in (("first.fmu", 3), ("again.fmu", 3))
+    )
+    assert first.read_bytes() == again.read_bytes()
+    about = fmpy.read_model_description(str(first))
+    assert about.generationDateAndTime == "1970-01-02T00:00:00Z"
+    assert about.copyright in (ROOT / "LICENSE").read_text()
+    assert about.author in (ROOT / "CITATION.cff").read_text()
+    assert (about.license, about.generationTool) == ("MIT", f"steer-env {about.version}")
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "yesterday")
+    with pytest.raises(ValueError, match="SOURCE_DATE_EPOCH must be a whole number of seconds"):
+        fmu.export(tmp_path / "car.fmu", subsystem="steering")
+    monkeypatch.delenv("SOURCE_DATE_EPOCH")
+    now = datetime.now(timezone.utc)
+    made = fmpy.read_model_description(str(fmu.export(tmp_path / "now.fmu", subsystem="steering")))
+    assert abs(datetime.fromisoformat(made.generationDateAndTime[:-1] + "+00:00") - now).total_seconds() < 600.0
 
 
 def test_units_are_products_of_base_units():
@@ -215,8 +327,9 @@ def test_what_may_be_set_when(weave, tmp_path):
             return said[-1]
 
         assert "yaw_rate is an output" in refused("yaw_rate", 0.0)
-        assert "chassis.v_x is a constant" in refused("chassis.v_x", 20.0)
-        assert "column.K_tb must not be negative, got -1" in refused("column.K_tb", -1.0)
+        assert "chassis.v_x must be at least 3, got 2" in refused("chassis.v_x", 2.0)
+        assert "chassis.v_x must be at most 70, got 71" in refused("chassis.v_x", 71.0)
+        assert "column.K_tb must be at least 0, got -1" in refused("column.K_tb", -1.0)
         robot, other = references["robot"], references["yaw_rate"]
         (before,) = unit.getBoolean([robot])
         with pytest.raises(FMICallException):  # nothing of a bad call is taken
@@ -224,6 +337,7 @@ def test_what_may_be_set_when(weave, tmp_path):
         assert unit.getBoolean([robot]) == [before]
         begin(unit)
         assert "chassis.m is fixed" in refused("chassis.m", 1300.0)
+        assert "chassis.v_x is fixed" in refused("chassis.v_x", 20.0)
         unit.setReal([references["friction.F_c"]], [1.5])
         assert unit.getReal([references["friction.F_c"]]) == [1.5]
 
@@ -239,13 +353,15 @@ def test_a_run_that_diverges_names_the_state_and_goes_back(weave, tmp_path):
         unit.setReal(torque, [2.0])
         unit.doStep(0.0, 0.1)
         before = unit.getReal(names)
-        unit.setReal(torque, [1e308])
+        damping = [references["column.C_tb"]]
+        (usual,) = unit.getReal(damping)
+        unit.setReal(damping, [1e308])
         with pytest.raises(FMICallException):
             unit.doStep(0.1, 0.1)
         assert "is no longer finite in the step from 0.1 s" in said[-1]
         assert "the state handwheel_" in said[-1]
         assert unit.getReal(names) == before
-        unit.setReal(torque, [2.0])
+        unit.setReal(damping, [usual])
         unit.doStep(0.1, 0.1)
         after = unit.getReal(names)
         unit.reset()
@@ -338,6 +454,33 @@ def harness(weave, tmp_path_factory):
 def test_bad_calls_are_refused_and_harmless(harness):
     done = subprocess.run([*harness, "check", "1000", "100"], capture_output=True, text=True)
     assert done.returncode == 0, done.stdout
+
+
+SPEEDS = (12.5, 31.0)  # [m/s]
+
+
+@pytest.mark.parametrize(("chassis", "held"), [("single_track", "chassis.v_x"), ("two_track", "chassis.body.speed")])
+def test_the_importer_in_c_drives_a_weave_at_two_speeds_from_one_unit(chassis, held, tmp_path):
+    """Each weave is, to the bit and from the first output on, that of a unit which was exported at its speed."""
+    program = built_harness(tmp_path)
+
+    def weaves(exported, driven):
+        path = fmu.export(tmp_path / "car.fmu", chassis=chassis, speed=exported, robot=True, cpu="native")
+        folder = tmp_path / f"{exported:g}"
+        variables = fmpy.read_model_description(str(path)).modelVariables
+        references = {v.name: str(v.valueReference) for v in variables}
+        inputs = [references[name] for name in ("hand_angle", "hand_speed", held)]
+        outputs = [references[v.name] for v in variables if v.causality == "output"]
+        speeds = ",".join(map(repr, driven))
+        command = [program, *unpacked(path, folder), "weave", "2000", *inputs, speeds, *outputs]
+        lines = subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()
+        return [lines[i : i + 2001] for i in range(0, len(lines), 2001)]
+
+    slow, fast = weaves(20.0, SPEEDS)
+    assert len(slow) == len(fast) == 2001
+    assert slow[-1] != fast[-1]
+    assert [slow] == weaves(SPEEDS[0], SPEEDS[:1])
+    assert [fast] == weaves(SPEEDS[1], SPEEDS[1:])
 
 
 @pytest.mark.whole
@@ -450,7 +593,6 @@ def test_help_names_what_there_is():
     from steer_env.connect.fmu import exporter, object_code
     from steer_env.experiments.cli import export_fmu
     from steer_env.experiments.cli.common import options
-    from steer_env.vehicle import subsystems
 
     assert options.SUBSYSTEMS == subsystems.SUBSYSTEMS
     assert export_fmu.VERSIONS == exporter.VERSIONS
@@ -461,8 +603,6 @@ def test_help_names_what_there_is():
 
 @pytest.mark.parametrize("name", ["car", "chassis"])
 def test_a_subsystem_at_another_speed_than_its_plant_is_refused(name):
-    from steer_env.vehicle import subsystems
-
     p = cars.load("compact").plant(speed=20.0)
     assert subsystems.make(name, p, 20.0).name == name
     with pytest.raises(ValueError, match=f"plant of the {name} drives at 20 m/s, not at 25 m/s"):

@@ -2,6 +2,7 @@
 
 import shutil
 import subprocess
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from tests.connect.fmu.runs import STEP, bits
 
 fmpy = pytest.importorskip("fmpy", reason="the extra fmu is not installed")
 validation = pytest.importorskip("fmpy.validation", reason="the extra fmu is not installed")
+etree = pytest.importorskip("lxml.etree", reason="the extra fmu is not installed")
 if shutil.which("cc") is None:
     pytest.skip("there is no C compiler", allow_module_level=True)
 
@@ -57,6 +59,29 @@ def test_validation_has_no_remark(exported):
     assert validation.validate_fmu(str(exported[1])) == []
 
 
+def test_terminals_are_those_of_the_schema_and_fit_one_another(exported, tmp_path):
+    """Steering and chassis give and take the same at the rack; every variable of a terminal exists."""
+    schema = etree.XMLSchema(etree.parse(f"{fmpy.__path__[0]}/schema/fmi3/fmi3TerminalsAndIcons.xsd"))
+    chassis, path = exported
+    found = {}
+    for part in ("car", "steering", "chassis"):
+        if part != "car":
+            path = fmu.export(tmp_path / "part.fmu", subsystem=part, chassis=chassis, fmi=3)
+        with zipfile.ZipFile(path) as archive:
+            assert "terminalsAndIcons/icon.png" in archive.namelist()
+            root = etree.fromstring(archive.read("terminalsAndIcons/terminalsAndIcons.xml"))
+        assert schema.validate(root), schema.error_log
+        causality = {v.name: v.causality for v in fmpy.read_model_description(str(path)).modelVariables}
+        found[part] = {
+            terminal.get("name"): {m.get("memberName"): causality[m.get("variableName")] for m in terminal}
+            for terminal in root.iter("Terminal")
+        }
+    assert {"hands", "rack", "wheel_front_left", "wheel_rear_right"} <= set(found["car"])
+    assert found["steering"]["rack"] == {"travel": "output", "speed": "output", "force": "input"}
+    assert found["chassis"]["rack"] == {"travel": "input", "speed": "input", "force": "output"}
+    assert "hands" not in found["chassis"]
+
+
 def test_weave_is_that_of_python_to_the_bit(exported, opened):
     chassis, (unit, references, said) = exported[0], opened
     m = manoeuvres.make("weave")
@@ -96,6 +121,10 @@ def test_bad_calls_are_refused(opened):
     begin(unit)
     torque = [references["hand_torque"]]
     assert "hand_torque must be finite" in refused(unit.setFloat64, torque, [np.nan])
+    wind = [references["wind_force"]]
+    unit.setFloat64(wind, [5.0])
+    assert "hand_torque must be at most 200, got 250" in refused(unit.setFloat64, [*wind, *torque], [1.0, 250.0])
+    assert unit.getFloat64(wind) == [5.0]
     assert "time is the independent one" in refused(unit.setFloat64, [references["time"]], [1.0])
     assert "1 value references but 2 values" in refused(unit.setFloat64, torque, [1.0, 2.0])
     assert "value reference 99999" in refused(unit.getFloat64, [99999])
@@ -110,6 +139,24 @@ def test_bad_calls_are_refused(opened):
     unit.freeFMUState(kept)
     unit.terminate()
     assert "after termination" in refused(unit.doStep, STEP, STEP)
+
+
+def test_it_starts_at_the_speed_that_is_set(exported, opened):
+    """The state after a second of a pull is that of the plant in Python at the speed, to the bit."""
+    chassis, (unit, references, _) = exported[0], opened
+    p = cars.load("compact").plant("lugre", 15.0, chassis=chassis)
+    names = [name for name, _ in plant.channels(p)]
+    u, record = np.zeros((1000, len(plant.INPUTS))), np.zeros((1000, len(names)))
+    u[:, plant.HAND] = 2.0
+    plant.run(p, plant.initial_state(p), u, record, 1)
+    held = {"single_track": "chassis.v_x", "two_track": "chassis.body.speed"}[chassis]
+    unit.setFloat64([references[held]], [15.0])
+    unit.setBoolean([references["robot"]], [False])
+    begin(unit)
+    unit.setFloat64([references["hand_torque"]], [2.0])
+    unit.doStep(0.0, 1.0)
+    found = np.array(unit.getFloat64([references[name] for name in names]))
+    assert np.array_equal(bits(found), bits(record[-1]))
 
 
 def test_fmpy_simulates(exported):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from steer_env.connect import fmu
-from steer_env.vehicle import cars, plant
+from steer_env.vehicle import cars, plant, road
 from steer_env.vehicle.chassis import two_track
 from steer_env.vehicle.layout import layout_of
 from steer_env.vehicle.subsystems.car import NAMED
@@ -96,6 +96,33 @@ def test_steering_of_other_laws(tmp_path, law, chassis, robot):
 )
 def test_chassis(tmp_path, chassis, changed):
     chassis_equals(tmp_path, chassis, changed)
+
+
+def test_the_road_under_each_wheel_is_that_of_the_plant_in_python(tmp_path):
+    """A slippery left side on which the car also starts, and a bump whose heights the importer gives: to the bit."""
+    ground, level = road.bump(0.04, 1.0, 12.0, friction=(0.4, 0.9)), road.make_road(friction=(0.4, 0.9))
+    p, before = (cars.load("compact").plant("lugre", 20.0, chassis="two_track", road=r) for r in (ground, level))
+    names, at = [name for name, _ in plant.channels(p)], layout_of(p)
+    u = np.zeros((1000, len(plant.INPUTS)))
+    u[:, plant.HAND] = 2.0
+    state, row = plant.settled(before)  # which would drive over the bump
+    record, given = np.zeros((len(u), len(names))), np.zeros((len(u), 8))
+    for i in range(len(u)):
+        plant.run(p, state, u[i : i + 1], record[i : i + 1], 1)
+        distance = state[at.chassis + two_track.DISTANCE]
+        a, b = float(p.chassis.body[0].a), float(p.chassis.body[0].b)
+        under = [road.height(ground, side, distance + x) for x in (a, -b) for side in (road.LEFT, road.RIGHT)]
+        given[i] = [*(z for z, _ in under), *(slope for _, slope in under)]
+    path = fmu.export(tmp_path / "car.fmu", chassis="two_track", speed=20.0, cpu="native")
+    inputs = [f"road_{what}_{wheel}" for what in ("height", "slope") for wheel in two_track.WHEELS]
+    slippery = {f"road_friction_{wheel}": 0.4 if wheel.endswith("left") else 0.9 for wheel in two_track.WHEELS}
+    with opened(path, tmp_path / "unit") as (unit, references, _):
+        unit.setReal([references[name] for name in slippery], list(slippery.values()))
+        begin(unit)
+        assert np.array_equal(bits(np.array(unit.getReal([references[name] for name in names]))), bits(row))
+        found = replay(unit, references, np.column_stack([u[:, plant.HAND], given]), ["hand_torque", *inputs], names)
+    assert np.ptp(record[:, plant.CHANNEL["wheel_load_front_left"]]) > 2000.0
+    assert np.array_equal(bits(found), bits(record))
 
 
 @pytest.mark.whole

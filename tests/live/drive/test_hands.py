@@ -6,7 +6,7 @@ import pytest
 
 from steer_env.live.drive import hands
 from steer_env.live.drive.hands import ARM, Arms, Pedals, arranged
-from steer_env.live.real_time.model import LARGEST
+from steer_env.vehicle.subsystems.car import TORQUE
 
 
 def torques(wanted, seconds, arms=None):
@@ -23,7 +23,7 @@ def test_arms_settle_at_the_wanted_angle_and_mirror():
 
 def test_no_wanted_angle_asks_for_more_than_the_loop_takes():
     found = torques(100.0, 2.0)
-    assert max(found) < LARGEST["hand_torque"]
+    assert max(found) < TORQUE[1]
     assert found[-1] == pytest.approx(ARM.stiffness * hands.LARGEST_WANTED, rel=1e-3)
 
 

@@ -6,11 +6,14 @@ every step of 1 ms, and ``report`` for the channels. This module also declares t
 sample of 1 ms, and the outputs and channels that all chassis share.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from steer_env.friction.numerics.check import one_of
-from steer_env.friction.numerics.kernel import dispatch, kernel
+from steer_env.friction.numerics.kernel import dispatch, kernel, plain
 from steer_env.friction.numerics.registry import Registry
 from steer_env.vehicle.suspension.macpherson import MacPherson
 from steer_env.vehicle.tyre.tyre import Tyre
@@ -76,6 +79,22 @@ COMMON_CHANNELS: Names = (
     ("drive_force", "N"),
     *COMMON_OUTPUTS,
 )
+# What these channels are and where they are positive; those of each wheel by their names without it.
+COMMON_MEANINGS = {
+    "lateral_speed": "lateral speed of the car at its centre of gravity, positive to the left",
+    "yaw_rate": "yaw rate of the car, positive to the left",
+    "roll_angle": "roll angle of the body, positive where it leans to the right, as in a left turn",
+    "yaw_angle": "yaw angle of the car since the start, positive to the left",
+    "x": "position of the car along its direction at the start, positive ahead",
+    "y": "position of the car across its direction at the start, positive to the left",
+    "drive_force": "force of the drive on all wheels together, positive ahead",
+    "lateral_acceleration": "lateral acceleration of the centre of gravity of the whole car, positive to the left",
+    "road_wheel_angle_left": "steer angle of the left front wheel, positive to the left",
+    "road_wheel_angle_right": "steer angle of the right front wheel, positive to the left",
+    "wheel_load": "vertical force of the road on the tyre, positive upwards",
+    "front_lateral_force": "lateral force of both front wheels on the car, positive to the left",
+    "rear_lateral_force": "lateral force of both rear wheels on the car, positive to the left",
+}
 
 
 class CarData(Protocol):
@@ -119,13 +138,14 @@ class Chassis(NamedTuple):
     channels: Names
     speeds: tuple[float, float]  # [m/s]
     from_car: Callable
-    start: Callable
+    begin: Callable
     derivative: Callable
     advance: Callable
     report: Callable
     speed: Callable
     state_size: Callable
     output_size: Callable
+    meanings: Mapping[str, str] = {}
 
 
 CHASSIS: Registry[Chassis] = Registry("chassis", "steer_env.vehicle.chassis")
@@ -147,8 +167,8 @@ def register(name: str, parameters: type, **fields: Any) -> None:
     from_car : ``(car, speed, road_friction, road) -> parameters``
         Parameters of a checked car on a road (None: level and dry); ValueError for a road that the chassis cannot
         take.
-    start : parameters -> list
-        States of straight running at the held speed, which the plant settles.
+    begin : ``(p, x) -> None``
+        Write the states of straight running at the held speed, which the plant settles.
     derivative : ``(p, strut, tyre, x, rack, rack_rate, u, dx, out) -> rack force``
         Time derivative of the states, and the outputs, at a row ``u`` of inputs, which may exceed their bounds by half.
     advance : ``(p, x, rate, rate_before, out, out_before, s, h, u) -> None``
@@ -159,6 +179,8 @@ def register(name: str, parameters: type, **fields: Any) -> None:
         Forward speed that the assist sees [m/s].
     state_size, output_size : ``(p) -> int``
         Constants of the class, so that the plant's layout is known at compile time.
+    meanings : mapping, optional
+        What the channels beyond the common ones are and where they are positive, as in ``COMMON_MEANINGS``.
     """
     chassis = Chassis(name, parameters, **fields)
     CHASSIS.register(name, chassis, parameters)
@@ -194,7 +216,20 @@ def chassis_of(p: Any) -> Chassis:
     return chassis
 
 
+def start(p: Any) -> NDArray[np.float64]:
+    """States (S,) of straight running at the held speed, which the plant settles."""
+    kind = chassis_of(p)
+    x = np.zeros(len(kind.states))
+    plain(kind.begin)(p, x)
+    return x
+
+
 # The dispatch points. Plain Python runs the bodies; compiled code calls the function of the chassis directly.
+
+
+def begin(p, x):
+    """States of straight running into ``x``."""
+    chassis_of(p).begin(p, x)
 
 
 def derivative(p, strut, tyre, x, rack, rack_rate, u, dx, out):
@@ -227,7 +262,7 @@ def output_size(p):
     return chassis_of(p).output_size(p)
 
 
-for _point in (derivative, advance, report, speed, state_size, output_size):
+for _point in (begin, derivative, advance, report, speed, state_size, output_size):
     dispatch(_point, lambda parameters, name: getattr(CHASSIS.of(parameters), name, None))
 
 

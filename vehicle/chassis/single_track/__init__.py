@@ -69,9 +69,11 @@ def output_size(p):
     return _OUTPUT_SIZE
 
 
-def start(p: SingleTrack) -> list[float]:
-    """States of straight running; the plant settles the drive force."""
-    return [0.0] * _STATE_SIZE
+@kernel
+def begin(p, x):
+    """Write the states of straight running; the plant settles the drive force."""
+    for i in range(_STATE_SIZE):
+        x[i] = 0.0
 
 
 register(
@@ -82,7 +84,7 @@ register(
     channels=COMMON_CHANNELS,
     speeds=(SPEED_MIN, SPEED_MAX),
     from_car=from_car,
-    start=start,
+    begin=begin,
     derivative=derivative,
     advance=advance,
     report=report,

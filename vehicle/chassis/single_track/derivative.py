@@ -198,7 +198,7 @@ def lag_rates(p, f, A, static_f, x, dx):
     # At constant speed the forces along the body sum to -m v_y r; the drive force changes until they do (V5). The grip
     # of the front axle bounds it: without a bound, the drive force of steered wheels increases the yaw that it has to
     # work against.
-    along = (f.X_fl + f.X_fr) + (f.X_rl + f.X_rr) - p.drag
+    along = (f.X_fl + f.X_fr) + (f.X_rl + f.X_rr) - p.drag * p.v_x * p.v_x
     grip = 2.0 * p.mu * static_f
     held = within(x[DRIVE_FORCE] - along - p.m * x[LATERAL_SPEED] * x[YAW_RATE], -grip, grip)
     dx[DRIVE_FORCE] = (held - x[DRIVE_FORCE]) / p.T_drive

@@ -48,7 +48,7 @@ def from_car(car: CarData, v_x: float, mu: float, road: Any) -> SingleTrack:
         h_f=roll_centre,
         h_r=c["rear_roll_centre"],
         R_w=car.strut.loaded_radius,
-        drag=0.5 * AIR_DENSITY * c["drag_area"] * v_x * v_x,
+        drag=0.5 * AIR_DENSITY * c["drag_area"],
         sigma_y=car.tyre.relaxation_length,
         stiffness_f=c["front_cornering_stiffness_factor"],
         stiffness_r=c["rear_cornering_stiffness_factor"],

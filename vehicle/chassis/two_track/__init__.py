@@ -22,7 +22,7 @@ parts. The numbers are those of docs/model.md.
 Source: derived here; the parameters are in the data file of the car.
 """
 
-from steer_env.vehicle.chassis.common.interface import SPEED_MAX, WHEELS, register
+from steer_env.vehicle.chassis.common.interface import SPEED_MAX, WHEELS, register, start
 from steer_env.vehicle.chassis.two_track.derivative import derivative
 from steer_env.vehicle.chassis.two_track.from_car import from_car
 from steer_env.vehicle.chassis.two_track.layout import (
@@ -33,6 +33,7 @@ from steer_env.vehicle.chassis.two_track.layout import (
     GEAR,
     INTEGRAL,
     KAPPA,
+    MEANINGS,
     OMEGA,
     OUTPUTS,
     PITCH,
@@ -54,7 +55,7 @@ from steer_env.vehicle.chassis.two_track.layout import (
     Z,
 )
 from steer_env.vehicle.chassis.two_track.parameters import Body, TwoTrack
-from steer_env.vehicle.chassis.two_track.step import advance, output_size, report, speed, start, state_size
+from steer_env.vehicle.chassis.two_track.step import advance, begin, output_size, report, speed, state_size
 
 __all__ = [
     "BORE_ANGLE",
@@ -99,11 +100,12 @@ register(
     channels=CHANNELS,
     speeds=(0.0, SPEED_MAX),
     from_car=from_car,
-    start=start,
+    begin=begin,
     derivative=derivative,
     advance=advance,
     report=report,
     speed=speed,
     state_size=state_size,
     output_size=output_size,
+    meanings=MEANINGS,
 )

@@ -41,9 +41,9 @@ class Drivetrain(NamedTuple):
     final_drive: float  # [1]
     efficiency: float  # engine to wheels, and wheels to engine [1]
     up_closed: float  # engine speed above which it shifts up, throttle closed [rad/s]
-    up_open: float  # full throttle [rad/s]
+    up_open: float  # engine speed above which it shifts up, full throttle [rad/s]
     down_closed: float  # engine speed below which it shifts down, throttle closed [rad/s]
-    down_open: float  # full throttle [rad/s]
+    down_open: float  # engine speed below which it shifts down, full throttle [rad/s]
     shift_time: float  # drive interrupted [s]
     front_share: float  # of the drive torque: 1 front-wheel, 0 rear-wheel drive [1]
 

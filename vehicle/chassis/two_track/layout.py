@@ -74,5 +74,24 @@ COMMON_SIZE = len(COMMON_CHANNELS)
 REPORTED_STATES = (PITCH, Z, *range(TRAVEL, TRAVEL + 4), *range(OMEGA, TAN_ALPHA + 4), GEAR)
 REPORTED_OUTPUTS = (LONGITUDINAL_SPEED, *range(LONGITUDINAL_ACCELERATION, ROAD_TORQUE))
 CHANNELS = (*COMMON_CHANNELS, *(STATES[i] for i in REPORTED_STATES), *(OUTPUTS[i] for i in REPORTED_OUTPUTS))
+# What these channels are and where they are positive; those of each wheel by their names without it.
+MEANINGS = {
+    "pitch_angle": "pitch angle of the body, positive where its front goes down",
+    "height": "height of the centre of gravity of the car above the plane of the road, positive upwards",
+    "travel": "travel of the wheel in the body from the design position, positive in bump (wheel up)",
+    "wheel_angular_velocity": "angular velocity of the wheel about its axle, positive where it rolls ahead",
+    "kappa": "longitudinal slip of the tyre, positive where it drives",
+    "tan_alpha": "tangent of the slip angle, positive where the contact drifts to the left of its heading",
+    "gear": "gear that is engaged, from 1",
+    "longitudinal_speed": "longitudinal speed of the car at its centre of gravity, positive ahead",
+    "longitudinal_acceleration": "acceleration by the forces along the car, without that of gravity, positive ahead",
+    "throttle": "throttle of speed hold and request together, 0 is closed and 1 open",
+    "brake_pedal": "service brake of speed hold and request together, 0 is released and 1 full",
+    "front_drive_torque": "torque of the drive on both front wheels together, positive where it drives ahead",
+    "rear_drive_torque": "torque of the drive on both rear wheels together, positive where it drives ahead",
+    "longitudinal_force": "force of the road on the tyre along the heading of the wheel, positive ahead",
+    "lateral_force": "force of the road on the tyre across the heading of the wheel, positive to the left",
+    "aligning_torque": "moment of the road on the tyre about the vertical axis, positive where it turns left",
+}
 # Position of the throttle among the channels; the brake pedal follows it.
 THROTTLE_CHANNEL = COMMON_SIZE + len(REPORTED_STATES) + REPORTED_OUTPUTS.index(THROTTLE)

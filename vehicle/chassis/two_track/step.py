@@ -1,4 +1,4 @@
-"""One step of the two-track states, the channels that the chassis reports, and the state from which it starts."""
+"""One step of the two-track states, the channels that the chassis reports, and the states from which it starts."""
 
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle.chassis.common.interface import COMMON_OUTPUTS, HAND_BRAKE, extrapolated_step
@@ -26,7 +26,6 @@ from steer_env.vehicle.chassis.two_track.layout import (
     Y,
     Z,
 )
-from steer_env.vehicle.chassis.two_track.parameters import TwoTrack
 from steer_env.vehicle.chassis.two_track.wheels import engine_inertias, mean_angular_velocities, pressed
 
 _COMMON_OUTPUTS = len(COMMON_OUTPUTS)
@@ -96,13 +95,15 @@ def output_size(p):
     return OUTPUT_SIZE
 
 
-def start(p: TwoTrack) -> list[float]:
-    """States of straight running at the held speed in the design position; the plant settles them."""
+@kernel
+def begin(p, x):
+    """Write the states of straight running at the held speed in the design position; the plant settles them."""
     d = p.body[0]
-    x = [0.0] * STATE_SIZE
-    x[U], x[Z], x[GEAR] = float(d.speed), float(d.h), 1.0
-    omega = x[U] / float(d.R_e)
-    x[OMEGA : OMEGA + 4] = [omega] * 4
-    for _ in p.drive.ratios:
+    for i in range(STATE_SIZE):
+        x[i] = 0.0
+    x[U], x[Z], x[GEAR] = d.speed, d.h, 1.0
+    omega = d.speed / d.R_e
+    for i in range(4):
+        x[OMEGA + i] = omega
+    for _ in range(p.drive.ratios.size):
         x[GEAR], _ = shift(p.drive, x[GEAR], 0.0, 0.2, omega, omega, 1.0)
-    return x

@@ -25,7 +25,7 @@ class ActiveReturn(NamedTuple):
     """Parameters as the kernels take them."""
 
     gain: NDArray[np.float64]  # (V,) stiffness about the centre [N m/rad]
-    saturation: float  # largest torque [N m]
+    saturation: float  # largest torque of the return [N m]
     lead: float  # time over which the handwheel's motion is extrapolated [s]
     hold: float  # torsion-bar torque that halves the return [N m]
     half_speed: float  # v_0, vehicle speed at which the return has half its size [m/s]

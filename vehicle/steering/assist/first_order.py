@@ -10,11 +10,11 @@ from steer_env.friction.numerics.kernel import kernel
 
 
 class FirstOrder(NamedTuple):
-    """Coefficients of a filter with one state."""
+    """Coefficients of a filter with one state, y = b0 u + x; x <- b1 u - a1 y [1], b0 and b1 of a derivative [1/s]."""
 
-    b0: float  # [1], of a derivative [1/s]
-    b1: float  # [1] or [1/s]
-    a1: float  # [1]
+    b0: float  # weight of the input in the output of the filter
+    b1: float  # weight of the input in the next state of the filter
+    a1: float  # weight of the output in the next state of the filter, with a minus sign
 
 
 def lead(zero: float, pole: float, dt: float) -> FirstOrder:

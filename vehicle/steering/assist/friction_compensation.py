@@ -49,7 +49,7 @@ class FrictionCompensation(NamedTuple):
     limit: float  # largest torque before the share is taken, T_max [N m]
     hold: float  # torsion-bar torque at which half of the share is fed back [N m]
     dt: float  # sample time [s]
-    decay: float  # of the grip over a sample [1]
+    decay: float  # factor on the grip over a sample [1]
 
 
 STATES = (

@@ -22,7 +22,7 @@ LAG, LEAD = (20.0, 20.0), (1.0, 30.0)  # zero and pole [Hz]; the default has no 
 class LeadLag(NamedTuple):
     """Parameters as the kernels take them."""
 
-    gain: float  # at 0 Hz [1]
+    gain: float  # torque over the torsion bar's torque at 0 Hz, positive where it assists [1]
     lag: FirstOrder
     lead: FirstOrder
 

@@ -3,7 +3,6 @@
 #include "unit.h"
 
 #include <cpuid.h>
-#include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -179,7 +178,9 @@ int unit_settle(struct instance *c)
         return unit_refuse(c, "no memory to settle the state");
     memcpy(given, c->given, size);
     memcpy(c->given, unit.given, size);
-    memcpy(c->state, unit.begin, unit.state_count * sizeof *c->state);
+    int32_t begun = 0;
+    void *unused = NULL;
+    steer_begin(&begun, &unused, c->numbers, unit.tables, c->state); /* which cannot fail */
     int done = advance(c, unit.settling);
     memcpy(c->given, given, size);
     free(given);
@@ -217,6 +218,11 @@ int unit_arrays(struct instance *c, const uint32_t *references, size_t count, co
     return !count || (references && values) || unit_refuse(c, "no array of value references or values");
 }
 
+int unit_place(struct instance *c, const void *result)
+{
+    return result || unit_refuse(c, "there is no place for what the function returns");
+}
+
 int unit_get(struct instance *c, enum type type, const uint32_t *references, size_t count, double *values)
 {
     unsigned phase = (unsigned)c->clock[PHASE];
@@ -242,19 +248,19 @@ int unit_get(struct instance *c, enum type type, const uint32_t *references, siz
 static int may_set(struct instance *c, const struct variable *v, double value)
 {
     unsigned phase = (unsigned)c->clock[PHASE];
-    if (v->use == OUTPUT || v->use == CONSTANT || v->use == INDEPENDENT)
+    if (v->use == OUTPUT || v->use == INDEPENDENT)
         return unit_refuse(c, "variable %s is %s and cannot be set", v->name,
-                           v->use == OUTPUT     ? "an output"
-                           : v->use == CONSTANT ? "a constant"
-                                                : "the independent one");
+                           v->use == OUTPUT ? "an output" : "the independent one");
     if (phase == TERMINATED)
         return unit_refuse(c, "variable %s cannot be set after termination", v->name);
     if (v->use == FIXED && phase == STEPPING)
         return unit_refuse(c, "parameter %s is fixed: it can be set only until initialization ends", v->name);
     if (!isfinite(value))
         return unit_refuse(c, "variable %s must be finite, got %g", v->name, value);
-    if (v->not_negative && value < 0.0)
-        return unit_refuse(c, "parameter %s must not be negative, got %g", v->name, value);
+    if (value < v->low)
+        return unit_refuse(c, "variable %s must be at least %.9g, got %.17g", v->name, v->low, value);
+    if (value > v->high)
+        return unit_refuse(c, "variable %s must be at most %.9g, got %.17g", v->name, v->high, value);
     return 1;
 }
 
@@ -327,7 +333,9 @@ static struct snapshot *new_snapshot(struct instance *c)
 
 int unit_keep(struct instance *c, struct snapshot **snapshot)
 {
-    struct snapshot *s = !snapshot ? NULL : *snapshot ? known(c, *snapshot) : new_snapshot(c);
+    if (!unit_place(c, snapshot))
+        return 0;
+    struct snapshot *s = *snapshot ? known(c, *snapshot) : new_snapshot(c);
     if (!s)
         return 0;
     memcpy(s->contents, c->contents, c->count * sizeof *s->contents);

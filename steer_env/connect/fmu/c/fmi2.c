@@ -182,6 +182,8 @@ fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state, size_
 {
     /* all have one size */
     REQUIRE(ANY_PHASE);
+    if (!unit_place(c, size))
+        return fmi2Error;
     *size = unit_stored_size(c);
     return fmi2OK;
 }
@@ -241,6 +243,8 @@ fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Rea
     REQUIRE(STEPPING | TERMINATED);
     if (kind != fmi2LastSuccessfulTime)
         return fmi2Discard;
+    if (!unit_place(c, value))
+        return fmi2Error;
     *value = unit_time(c);
     return fmi2OK;
 }
@@ -250,6 +254,8 @@ fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind kind, fmi2
     REQUIRE(STEPPING | TERMINATED);
     if (kind != fmi2Terminated)
         return fmi2Discard;
+    if (!unit_place(c, value))
+        return fmi2Error;
     *value = fmi2False; /* the unit never ends a simulation */
     return fmi2OK;
 }

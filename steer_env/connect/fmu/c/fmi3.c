@@ -230,6 +230,8 @@ fmi3Status fmi3FreeFMUState(fmi3Instance c, fmi3FMUState *state)
 fmi3Status fmi3SerializedFMUStateSize(fmi3Instance c, fmi3FMUState state, size_t *size)
 {
     REQUIRE(ANY_PHASE);
+    if (!unit_place(c, size))
+        return fmi3Error;
     *size = unit_stored_size(c); /* all have one size */
     return fmi3OK;
 }

@@ -4,11 +4,12 @@
 #ifndef STEER_UNIT_H
 #define STEER_UNIT_H
 
+#include <math.h>
 #include <stddef.h>
 #include <stdint.h>
 
 enum array { NUMBERS, GIVEN, OUTPUTS, TIME };
-enum use { INPUT, OUTPUT, FIXED, TUNABLE, CONSTANT, INDEPENDENT };
+enum use { INPUT, OUTPUT, FIXED, TUNABLE, INDEPENDENT };
 enum type { REAL, BOOLEAN };
 
 struct variable {
@@ -17,7 +18,7 @@ struct variable {
     unsigned place;   /* and at which position there */
     enum use use;
     enum type type;
-    int not_negative; /* whether values below zero are refused */
+    double low, high; /* values beyond are refused */
 };
 
 /* Bits that the instruction cpuid has to report. */
@@ -35,7 +36,6 @@ struct unit {
     const char *const *states; /* names */
     const double *numbers;     /* parameters, of which each instance has a copy */
     const double *tables;      /* parameters that all instances share */
-    const double *begin;       /* state from which a plant with other parameters settles */
     const double *start;       /* settled state with the parameters above */
     const double *shown;       /* its outputs */
     const double *given;       /* inputs at the start */
@@ -51,6 +51,7 @@ extern const struct unit unit;
 /* The kernels; see object_code.py. */
 int32_t steer_advance(int32_t *finite, void **unused, const double *numbers, const double *tables, double *state,
                       const double *given, double *inputs, double *outputs, int64_t samples);
+int32_t steer_begin(int32_t *done, void **unused, const double *numbers, const double *tables, double *state);
 
 /* Phases of an instance, as bits. */
 enum phase { INSTANTIATED = 1, INITIALISING = 2, STEPPING = 4, TERMINATED = 8 };
@@ -91,6 +92,7 @@ int unit_allowed(struct instance *c, unsigned phases, const char *function);
 int unit_begin(struct instance *c, double start, int stops, double stop);
 int unit_settle(struct instance *c);
 int unit_arrays(struct instance *c, const uint32_t *references, size_t count, const void *values);
+int unit_place(struct instance *c, const void *result);
 int unit_settable(struct instance *c, enum type type, uint32_t reference, double value);
 int unit_get(struct instance *c, enum type type, const uint32_t *references, size_t count, double *values);
 int unit_set(struct instance *c, enum type type, const uint32_t *references, size_t count, const double *values);
