@@ -22,7 +22,7 @@ from steer_env.friction.fitted_file import UNITS as LAW_UNITS
 from steer_env.friction.law import LAWS
 from steer_env.hand_torque import Identified
 from steer_env.hand_torque.drive import FEWEST
-from steer_env.hand_torque.fit import NONE, VISCOUS, Fitted
+from steer_env.hand_torque.fit import NONE, VISCOUS, Fitted, at_ends
 from steer_env.hand_torque.model import MAPS, RATE, UNITS, on_samples, stretched
 from steer_env.metrics.common.just_noticeable import LEAST, SHARE
 from steer_env.vehicle import cars
@@ -131,7 +131,7 @@ def as_json(found: Identified) -> dict[str, Any]:
         "shapes": {each.name: {"by_time": each.by_time, "beyond": each.beyond} for each in found.shapes},
         "prior": d.prior._asdict(),
         "not_determined": [*PRIOR, "boost"],
-        "notes": list(d.notes),
+        "notes": [*d.notes, *at_ends(found)],
         "rows": {row.name: _row(row) for row in found.rows},
     }
 
@@ -187,6 +187,7 @@ def page_of(found: Identified, name: str, folder: str) -> Page:
         "drive_name": name,
         "folder": folder,
         "drive": found.drive,
+        "notes": [*found.drive.notes, *at_ends(found)],
         "best": best,
         "rows": first_rows(found),
         "rms": rms(found),

@@ -20,7 +20,7 @@ from steer_env.friction.identification.determined import (
     profiled,
 )
 from steer_env.friction.identification.displacement import BAND, deviation_of, motion_of
-from steer_env.friction.identification.elements import Elements, SliderSet, beside, fitted_sliders
+from steer_env.friction.identification.elements import Elements, SliderSet, at_ends, beside, fitted_sliders
 from steer_env.friction.identification.position import FITTED, NAMES, Position, with_position
 from steer_env.friction.identification.position import joint as joint_with_position
 from steer_env.friction.identification.position import told as told_of_position
@@ -334,7 +334,11 @@ def _told(
     )
     result = result._replace(
         asymmetry=(math.nan,) * 3 if branches.one_way else _asymmetry(ready, estimate, result),
-        warnings=(*remarks(result, ready, law, estimate.optimum), *told(rate)),
+        warnings=(
+            *remarks(result, ready, law, estimate.optimum),
+            *([] if elements is None else at_ends(problem, elements)),
+            *told(rate),
+        ),
         undetermined=result.undetermined + ("load",) * rate.undetermined,
     )
     return result if position is None else _by_position(ready, position, result)

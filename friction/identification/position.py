@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from steer_env.friction.identification.determined import (
     FLOOR,
+    HARDLY,
     SHARE,
     SIZE,
     SMALL,
@@ -110,7 +111,8 @@ def with_position(
         return problem, Position(order=wave.n, most=math.hypot(wave.p, wave.q) + float(half[0]))
     sought = len(NAMES) if order is None else len(NAMES) - 1
     part, estimate, wave = _approached(at, law, wave, u, sought, estimated)
-    if np.sum(estimate.optimum.residual**2) >= alone:
+    left = float(np.sum(estimate.optimum.residual**2))
+    if left >= alone:
         return problem, Position(order=wave.n)
     low = high = wave.n
     if order is None:
@@ -119,10 +121,11 @@ def with_position(
         alike = squares[:-1] <= squares[:-1][orders == wave.n] + (SIZE * _deviation(estimate)) ** 2
         low, high = orders[alike][[0, -1]].tolist()
         if alike[0]:  # the first orders are no waves over the travel
-            wave, sought = wave._replace(n=float(orders[np.argmin(alike) - 1])), len(NAMES) - 1
-            part, estimate = estimated(at(wave))
-            _, near = _profile(part, law, estimate, u, np.array([wave.n]))
-            part, estimate, wave = _approached(at, law, near[0], u, sought, estimated)
+            sought = len(NAMES) - 1
+            (start,) = _profile(part, law, estimate, u, orders[[np.argmin(alike) - 1]])[1]
+            longer = _approached(at, law, start.moved(np.zeros(2)), u, sought, estimated)
+            if np.sum(longer[1].optimum.residual ** 2) <= (1.0 + HARDLY) ** 2 * left:
+                part, estimate, wave = longer
     return at(wave), _found(part, law, wave, u, estimate, sought, (low, high), order is None)
 
 

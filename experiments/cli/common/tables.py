@@ -17,6 +17,7 @@ from steer_env.experiments.reports.car_quantities import Quantity
 from steer_env.experiments.studies.common.battery import Difference
 from steer_env.friction import Compared
 from steer_env.hand_torque import Identified
+from steer_env.hand_torque.fit import at_ends
 from steer_env.metrics import Value, definition
 from steer_env.targets import Rating
 
@@ -292,6 +293,8 @@ def print_steering(found: Identified, name: str) -> None:
     if len(found.equals) > 1:
         printer.print(f"cannot be told apart: {', '.join(found.equals)}", **plain)
     printer.print(f"kind of friction: {found.chosen}", **plain)
+    for text in at_ends(found):
+        printer.print(text, **plain)
     printer.print(steering_fit.page_of(found, name, "").verdict[0], **plain)
 
 
