@@ -66,12 +66,10 @@ def compare(
         Share of the record, its end, or the samples that judge [1]. With 0 the whole record is fitted and judges.
     inertia : float or None
         As in :func:`steer_env.friction.fit` [kg m2].
-    starts, intervals, global_search
-        As in :func:`steer_env.friction.fit`.
+    starts, intervals, global_search, order
+        As in :func:`steer_env.friction.fit`; with an order, each law is fitted without it too (``Compared.alone``).
     seed : int
         Of the draws.
-    order : float or "fitted", optional
-        As in :func:`steer_env.friction.fit`. Each law is then fitted without it too (``Compared.alone``).
     notify : callable
         Told the part that is done and what comes next.
 
@@ -95,9 +93,7 @@ def compare(
     known = part.branches.turns[part.branches.first]  # before it, a law does not know its memory
     if first == whole.x.size:
         judging = slice(known, None)
-    options = Options(
-        starts=starts, intervals=intervals, global_search=global_search, seed=seed, order=checked_order(order, load)
-    )
+    options = Options({}, starts, intervals, global_search, seed, checked_order(order, load))
     found, squares, left, moves = [], {}, {}, _moves(whole, inertia, judging)
     names = available() if laws is None else laws
     for i, name in enumerate(names):
@@ -108,25 +104,32 @@ def compare(
         except ValueError as error:
             found.append(Compared(name, None, str(error), math.inf, (math.inf, math.inf), math.inf, math.inf, ()))
             continue
-        e = remainder(whole, fit)
+        e, moving_part = remainder(whole, fit), moves[judging]
         left[name] = e[known:first][moves[known:first]]
-        counted, rest = e[judging][moves[judging]], e[judging][~moves[judging]]
-        squares[name] = np.array([np.mean(b) for b in np.array_split(counted**2, BLOCKS)])
-        drawn = np.sqrt(np.mean(squares[name][_draws(seed)], axis=1))
-        low, high = np.quantile(drawn, (0.025, 0.975)).tolist()
-        residual, tells = math.sqrt(np.mean(counted**2)), rest.size > 0 and law.memory_size(fit.parameters) > 0
-        resting = math.sqrt(np.mean(rest**2)) if tells else None
-        alone = residual if order is not None else None
-        if fit.level is not None and fit.level.position:
-            same = remainder(whole, fitted(part, law, options._replace(order=None)))
-            alone = math.sqrt(np.mean(same[judging][moves[judging]] ** 2))
-        found.append(Compared(name, fit, "", residual, (low, high), math.inf, math.inf, (), resting, alone))
+        squares[name] = np.array([np.mean(b) for b in np.array_split(e[judging][moving_part] ** 2, BLOCKS)])
+        each = _judged(fit, e[judging], moving_part, squares[name], seed)
+        if order is not None:
+            same = fit if fit.level is None else fitted(part, law, options._replace(order=None))
+            each = each._replace(alone=_rms(remainder(whole, same)[judging][moving_part]))
+        found.append(each)
     found.sort(key=lambda each: each.residual)
     result = []
     for each in found:
         aic, bic = _criteria(each, left)
         result.append(each._replace(alike=_alike(each.law, squares, seed), aic=aic, bic=bic))
     return tuple(result)
+
+
+def _judged(fit: Fit, e: NDArray, moves: NDArray, squares: NDArray, seed: int) -> Compared:
+    """A law by what it leaves of the samples that judge, without its criteria."""
+    low, high = np.quantile(np.sqrt(np.mean(squares[_draws(seed)], axis=1)), (0.025, 0.975)).tolist()
+    tells = not moves.all() and law_of(fit.parameters).memory_size(fit.parameters) > 0
+    resting = _rms(e[~moves]) if tells else None
+    return Compared(fit.law, fit, "", _rms(e[moves]), (low, high), math.inf, math.inf, (), resting)
+
+
+def _rms(values: NDArray) -> float:
+    return math.sqrt(np.mean(values**2))
 
 
 def _moves(record: Record, inertia: float | None, judging: slice) -> NDArray[np.bool_]:

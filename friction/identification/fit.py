@@ -140,21 +140,18 @@ def fit(
     seed : int
         Of the draws.
     order : float or "fitted", optional
-        Lets the level change with the position (F42), ``fit.level.position``, ``.order`` and ``.peak``: the periods of
-        that in a turn of x, where they are known, else ``"fitted"``. By default the level is the same everywhere. A
-        law whose own levels depend on the position takes no other.
+        Lets the level change over the position (F42), as ``fit.level`` tells: with so many periods in a turn of x, or
+        as many as fit best. A law whose own levels depend on the position takes no other.
 
     Returns
     -------
     Fit
-        The intervals cover noise of the torque, not a law that does not fit. That of ``"load"`` is of ``level.load``,
-        those of ``"position"``, ``"order"`` and ``"peak"`` of the fields of these names. A record does not tell a level
-        that differs by direction from a zero of the torque sensor: ``asymmetry`` is that of the car if the zero is
-        true, over ``saturated`` and with the interval of ``offset``.
-        That of ``F_c`` is open above where the weighed torque never saturates; those of Masing are of ``F_c`` and of
-        the ``virgin_torque`` at its yields. They end where the law does (``limits``). ``sets`` are the sliders in
-        parallel that the record tells from each other, and ``saturated`` is the friction after a long way at the
-        record's median speed, both with intervals by the delta method.
+        The intervals cover noise of the torque, not a law that does not fit. Those of ``"load"``, ``"position"``,
+        ``"order"`` and ``"peak"`` are of fields of ``level``. ``asymmetry`` is the one that has the place of ``offset``
+        if the zero of the sensor is true. The interval of ``F_c`` is open above where the weighed torque never
+        saturates; those of Masing are of ``F_c`` and of the ``virgin_torque`` at its yields. They end where the law
+        does (``limits``). ``sets`` are the sliders in parallel that the record tells from each other, and ``saturated``
+        is the friction after a long way at the record's median speed, both with intervals by the delta method.
 
     Raises
     ------
@@ -335,8 +332,8 @@ def _told(
     result = result._replace(
         asymmetry=(math.nan,) * 3 if branches.one_way else _asymmetry(ready, estimate, result),
         warnings=(
-            *remarks(result, ready, law, estimate.optimum),
             *([] if elements is None else at_ends(problem, elements)),
+            *remarks(result, ready, law, estimate.optimum),
             *told(rate),
         ),
         undetermined=result.undetermined + ("load",) * rate.undetermined,

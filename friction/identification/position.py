@@ -36,7 +36,10 @@ LONGEST = 8.0  # period over the travel: within an eighth of it the level is a p
 SHORTEST = 4.0  # period over the displacement in which the torque follows a reversal, at least; assumed [1]
 MOST_PERIODS = 20.0  # in the travel; assumed [1]
 STEP = 0.5 * math.pi  # phase over the travel, from one order of the profile to the next [rad]
+FINE = 0.2  # of that, up to one and a half periods in the travel [1]
 SURE = 9.2  # fall of the sum of squares, in deviations squared: quantile of 99 % of chi square, two degrees
+LINEAR = 2.0  # of that, from one order to another, as the profile is linear; assumed [1]
+APART = 1.4  # ends of the interval of an order that is determined, over each other; assumed [1]
 STEPS = 8  # corrections by the columns at most
 ENOUGH, NEAR = 1e-4, 0.05  # correction of p and q that ends them [1], and of the interval of b [1]
 SHARES = (1.0, 0.4, 0.1)  # of a correction that are tried, until one leaves less
@@ -101,8 +104,9 @@ def with_position(
 
     part, estimate = estimated(problem)
     squares, waves = _profile(part, law, estimate, u, orders)
-    wave = waves[int(np.argmin(squares[:-1]))].moved(np.zeros(2))
-    least = squares[-1] - (SURE + 2.0 * math.log(orders.size)) * _deviation(estimate) ** 2
+    wave = waves[int(np.argmin(squares[:-1]))]
+    sure = SURE + 2.0 * math.log(orders.size)
+    least = squares[-1] - sure * _deviation(estimate) ** 2
     alone = float(np.sum(estimate.optimum.residual**2)) - squares[-1] + least
     if np.min(squares) >= least:
         one = np.array([2.0 * math.pi / (ends[1] - ends[0])]) if order is None else orders
@@ -114,19 +118,20 @@ def with_position(
     left = float(np.sum(estimate.optimum.residual**2))
     if left >= alone:
         return problem, Position(order=wave.n)
-    low = high = wave.n
+    near = [wave]
     if order is None:
         orders = np.unique(np.append(orders, wave.n))
-        squares, _ = _profile(part, law, estimate, u, orders)
-        alike = squares[:-1] <= squares[:-1][orders == wave.n] + (SIZE * _deviation(estimate)) ** 2
-        low, high = orders[alike][[0, -1]].tolist()
+        squares, waves = _profile(part, law, estimate, u, orders)
+        more = (squares[:-1] - squares[:-1][orders == wave.n]) / _deviation(estimate) ** 2
+        near += [each for each, m in zip(waves, more) if m <= SIZE**2]
+        alike = more <= LINEAR * sure
         if alike[0]:  # the first orders are no waves over the travel
             sought = len(NAMES) - 1
             (start,) = _profile(part, law, estimate, u, orders[[np.argmin(alike) - 1]])[1]
-            longer = _approached(at, law, start.moved(np.zeros(2)), u, sought, estimated)
+            longer = _approached(at, law, start, u, sought, estimated)
             if np.sum(longer[1].optimum.residual ** 2) <= (1.0 + HARDLY) ** 2 * left:
                 part, estimate, wave = longer
-    return at(wave), _found(part, law, wave, u, estimate, sought, (low, high), order is None)
+    return at(wave), _found(part, law, wave, u, estimate, sought, near, order is None)
 
 
 def joint(problem: Problem, law: Law, found: Position, estimate: Estimate) -> tuple[Problem, Estimate]:
@@ -135,7 +140,7 @@ def joint(problem: Problem, law: Law, found: Position, estimate: Estimate) -> tu
     middle = 0.5 * (ends[0] + ends[1])
     phase = found.order * (found.peak - middle)
     wave = _Wave(found.b * math.cos(phase), found.b * math.sin(phase), found.order)
-    columns = _columns(problem, law, wave, problem.x - middle, estimate, found.sought)
+    columns = _beside(problem, law, wave, problem.x - middle, estimate, found.sought)
     jacobian = np.column_stack([end.jacobian, end.weight[:, None] * columns[problem.weighed]])
     end = end._replace(q=np.append(end.q, np.zeros(columns.shape[1])), jacobian=jacobian)
     return problem._replace(columns=np.column_stack([problem.columns, columns])), estimate._replace(optimum=end)
@@ -150,7 +155,8 @@ def _orders(travel: float) -> NDArray[np.float64]:
     """Orders of the profile, from a period of ``LONGEST`` travels on."""
     lowest = 2.0 * math.pi / (LONGEST * travel)
     highest = 2.0 * math.pi * min(MOST_PERIODS / travel, 1.0 / SHORTEST)
-    return np.append(lowest, np.arange(lowest + STEP / travel, highest, STEP / travel))
+    fine = np.arange(lowest, 3.0 * math.pi / travel, FINE * STEP / travel)  # where neighbours differ least
+    return np.append(fine, np.arange(fine[-1] + STEP / travel, highest, STEP / travel))
 
 
 def _deviation(estimate: Estimate) -> float:
@@ -159,25 +165,33 @@ def _deviation(estimate: Estimate) -> float:
     return math.sqrt((float(np.mean(e**2)) + FLOOR**2) * samples_per_count(e))
 
 
-def _columns(
+def _columns(problem: Problem, law: Law, estimate: Estimate, changes: NDArray, step: float) -> NDArray[np.float64]:
+    """Derivatives (T, k) of the torque by numbers of which ``step`` gives the ``changes`` (T, k) of the level."""
+    here = problem.response(law, estimate.parameters)
+    there = [problem._replace(levels=problem.levels + each).response(law, estimate.parameters) for each in changes.T]
+    return (np.column_stack(there) - here[:, None]) / step
+
+
+def _beside(
     problem: Problem, law: Law, wave: _Wave, u: NDArray, estimate: Estimate, number: int
 ) -> NDArray[np.float64]:
-    """Derivatives (T, number) of the torque by the first of p, q and n."""
-    columns, here = [], problem._replace(levels=wave.levels(u)).response(law, estimate.parameters)
-    for i, step in enumerate((DIFFERENCE, DIFFERENCE, DIFFERENCE * wave.n)[:number]):
-        there = wave._replace(**{wave._fields[i]: wave[i] + step})
-        columns.append((problem._replace(levels=there.levels(u)).response(law, estimate.parameters) - here) / step)
-    return np.column_stack(columns)
+    """Derivatives (T, number) of the torque by the first of p, q and n, the level of the problem."""
+    steps = np.array([1.0, 1.0, wave.n])[:number]
+    near = [wave._replace(**{name: value + DIFFERENCE * step}) for name, value, step in zip(wave._fields, wave, steps)]
+    changes = np.column_stack([each.levels(u) for each in near]) - wave.levels(u)[:, None]
+    return _columns(problem, law, estimate, changes, DIFFERENCE) / steps
 
 
 def _profile(
     problem: Problem, law: Law, estimate: Estimate, u: NDArray, orders: NDArray
 ) -> tuple[NDArray[np.float64], list[_Wave]]:
-    """Sums of squares that a level of each order leaves and that L = 1 leaves (N + 1,), and the levels (F42).
+    """Sums of squares that a level of each order leaves and that a constant one leaves (N + 1,), and the levels (F42).
 
-    They are linear about the law at L = 1, and all parameters of the law are moved along.
+    They are linear about the law at the mean level of the travel, and all parameters of the law are moved along: it is
+    the level beside its mean that counts.
     """
-    flat, end = problem._replace(levels=np.ones(u.size)), estimate.optimum
+    mean, end = float(np.mean(problem.levels[problem.weighed])), estimate.optimum
+    flat = problem._replace(levels=np.full(u.size, mean))
     torque = flat.response(law, estimate.parameters) + flat.columns @ estimate.factors - flat.torque
     U, size, _ = np.linalg.svd(end.jacobian, full_matrices=False)
     U = U[:, size > 1e-9 * size[0]]
@@ -185,11 +199,16 @@ def _profile(
     e -= U @ (U.T @ e)
     squares, waves = [], []
     for n in orders.tolist():
-        A = end.weight[:, None] * _columns(flat, law, _Wave(0.0, 0.0, n), u, estimate, 2)[problem.weighed]
+        shapes = np.column_stack([np.cos(n * u), np.sin(n * u)])  # (F42)
+        middle = np.mean(shapes[problem.weighed], axis=0)
+        A = _columns(flat, law, estimate, DIFFERENCE * (shapes - middle), DIFFERENCE)[problem.weighed]
+        A *= end.weight[:, None]
         A -= U @ (U.T @ A)
         change = np.linalg.lstsq(A, -e, rcond=None)[0]
         squares.append(float(np.sum((e + A @ change) ** 2)))
-        waves.append(_Wave(float(change[0]), float(change[1]), n))
+        beside = change / mean
+        base = max(1.0 - float(middle @ beside), 1.0 - MOST)
+        waves.append(_Wave(float(beside[0]) / base, float(beside[1]) / base, n).moved(np.zeros(2)))
     return np.append(squares, e @ e), waves
 
 
@@ -222,7 +241,7 @@ def _judged(
     problem: Problem, law: Law, wave: _Wave, u: NDArray, estimate: Estimate, sought: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The change of p, q and n that a linear step suggests, and half the widths of the intervals of b, x_b and n."""
-    end, A = estimate.optimum, _columns(problem, law, wave, u, estimate, sought)
+    end, A = estimate.optimum, _beside(problem, law, wave, u, estimate, sought)
     J, e = np.column_stack([end.jacobian, end.weight[:, None] * A[problem.weighed]]), end.weakened
     change = np.linalg.lstsq(J, -e, rcond=None)[0]
     b, n = math.hypot(wave.p, wave.q) or 1.0, wave.n
@@ -242,23 +261,30 @@ def _found(
     u: NDArray,
     estimate: Estimate,
     sought: int,
-    orders: tuple[float, float],
+    near: list[_Wave],
     free: bool,
 ) -> Position:
-    """What the record tells of a level; ``orders`` are the ends of those that are as good."""
-    half = _judged(problem, law, wave, u, estimate, sought)[1].tolist()
-    ends = _ends(problem)
-    b = min(math.hypot(wave.p, wave.q), MOST)
-    peak = 0.5 * (ends[0] + ends[1]) + math.atan2(wave.q, wave.p) / wave.n
-    intervals = [(max(b - half[0], 0.0), min(b + half[0], MOST)), (peak - half[1], peak + half[1])]
-    if sought == len(NAMES):
-        intervals.append((min(wave.n - half[2], orders[0]), max(wave.n + half[2], orders[1])))
-    short = free and sought < len(NAMES)
-    unsure = short or half[0] > max(SHARE * b, SMALL) or orders[1] > 2.0 * orders[0]
-    shown = wave.levels(np.array([ends[0], 0.5 * (ends[0] + ends[1]), ends[1]]) - 0.5 * (ends[0] + ends[1])) - 1.0
-    undetermined = NAMES[: 2 + free] if unsure else ()
-    kept = () if unsure else tuple(intervals)
-    return Position(b, wave.n, peak, kept, sought, undetermined, tuple(shown.tolist()))
+    """What the record tells of a level; ``near`` are those of other orders that are as good."""
+    half = _judged(problem, law, wave, u, estimate, sought)[1]
+    low, high = _ends(problem)
+    middle = 0.5 * (low + high)
+    values = np.array([(math.hypot(e.p, e.q), math.atan2(e.q, e.p) / e.n, e.n) for e in (wave, *near)])[:, :sought]
+    least, most = np.minimum(values[0] - half, values.min(axis=0)), np.maximum(values[0] + half, values.max(axis=0))
+    b = float(values[0, 0])
+    wide = max(most[0] - b, b - least[0]) > max(SHARE * b, SMALL)
+    unsure = wide or (free and (sought < len(NAMES) or most[2] > APART * least[2]))
+    intervals = [(max(float(least[0]), 0.0), min(float(most[0]), MOST))]
+    intervals += [(middle + float(least[1]), middle + float(most[1]))]
+    intervals += [(float(least[2]), float(most[2]))] if sought == len(NAMES) else []
+    return Position(
+        b,
+        wave.n,
+        middle + math.atan2(wave.q, wave.p) / wave.n,
+        () if unsure else tuple(intervals),
+        sought,
+        NAMES[: 2 + free] if unsure else (),
+        tuple((wave.levels(np.array([low, middle, high]) - middle) - 1.0).tolist()),
+    )
 
 
 def told(found: Position) -> list[str]:

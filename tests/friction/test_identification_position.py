@@ -53,7 +53,7 @@ def test_a_level_over_the_position_is_found(law, order):
 
 
 @pytest.mark.whole
-@pytest.mark.parametrize(("law", "seeds"), [("coulomb", 20), ("dahl", 20), ("masing", 8)])
+@pytest.mark.parametrize(("law", "seeds"), [("coulomb", 40), ("dahl", 40), ("masing", 20)])
 def test_intervals_of_the_level_hold_the_truth(law, seeds):
     """In nine of ten records at least, together and each by itself within chance."""
     x = LOOPS[::4]
@@ -90,6 +90,16 @@ def test_a_travel_within_a_period_determines_no_order(part):
         ends = np.array([-0.05, 0.0, 0.05])
         here, there = (by_sample(each, np.zeros(3), ends)[:, 0] for each in (found.level, true))
         assert here * found.parameters.F_c == pytest.approx(1.3 * there, rel=0.01)
+
+
+@pytest.mark.parametrize("periods", [6.0, pytest.param(3.0, marks=pytest.mark.whole)])
+def test_no_seed_determines_an_order_by_chance(periods):
+    """A period of some travels, where the profile about another level than the mean one would show one in some."""
+    x, true = LOOPS[::4], Level(position=0.2, order=20.0 * math.pi / periods, peak=0.01)
+    clean = friction.response(LAWS["dahl"], x, 4.0 * DT, by_sample(true, np.zeros(x.size), x))
+    for seed in range(8 if periods == 6.0 else 20):
+        found = friction.fit(x, clean + noise(seed, x.size), "dahl", dt=4.0 * DT, order="fitted")
+        assert {"position", "order", "peak"} <= set(found.undetermined)
 
 
 def test_a_given_order_of_a_long_period_is_not_determined_either():
