@@ -3,9 +3,10 @@
     L = 1 + p cos(n u) + q sin(n u),   b = sqrt(p^2 + q^2),   x_b = x_m + atan2(q, p)/n,   u = x - x_m    (F42)
 
 with the middle x_m of the travel D. The profile over the order n is linear in p and q, about the law that was found
-before at its mean level: it costs no search, and shows every order that describes the record as well. Where even a period of eight
-travels does, within which the level is a parabola over the travel, the record tells the level along its travel and no
-order. The largest order that is as good then stands for it, because its level differs least from one elsewhere.
+before at its mean level: it costs no search, and shows every order that describes the record as well. Where even a
+period of eight travels does, within which the level is a parabola over the travel, the record tells the level along its
+travel and no order. The largest order that is as good then stands for it, because its level differs least from one
+elsewhere.
 
 An asymmetry a is not sought: in sliding it is a zero T_0 = a F_c of the torque sensor, with Masing before sliding too.
 """
