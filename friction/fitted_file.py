@@ -27,7 +27,8 @@ def named(friction: Any) -> bool:
 def read(path: str | os.PathLike[str]) -> dict[str, Any]:
     """The mapping of the law that a file holds, ``{"law": name, parameter: value}``.
 
-    Warns of a level by load or direction, which is of the plant, and of one that the record did not determine.
+    Warns of a level by load, direction or position, which is of the plant, and of one that the record did not
+    determine.
 
     Raises
     ------
@@ -52,12 +53,13 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
             "and the pre-sliding distance of a column)"
         )
     level = {name: number(f"level.{name} of {path}", value) for name, value in _mapping(path, data, "level").items()}
-    level = {name: value for name, value in level.items() if value}
+    shape = () if level.get("position") else ("order", "peak")  # without effect
+    level = {name: value for name, value in level.items() if value and name not in shape}
     if level:
         told = ", ".join(f"{name} {value:g}" for name, value in level.items())
+        keys = ", ".join(f"steering.friction_{name}" for name in level)
         warnings.warn(
-            f"{path}: the level of this friction ({told}) is of the car and not of the law: set steering.friction_load "
-            "and steering.friction_asymmetry in the car",
+            f"{path}: the level of this friction ({told}) is of the car and not of the law: set {keys} in the car",
             stacklevel=2,
         )
     undetermined = data.get("undetermined") or ()

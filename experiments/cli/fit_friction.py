@@ -75,6 +75,11 @@ def _add_fit(parser: argparse.ArgumentParser) -> None:
         "let the level grow with the load, of which the record needs a channel that varies (rack force, normal force)"
     )
     group.add_argument("--by-load", action="store_true", help=text)
+    text = (
+        "let the level change over the position (F11), with ORDER periods in a turn; without a number the order is"
+        " sought. Beside each law stands what it leaves without"
+    )
+    group.add_argument("--by-position", metavar="ORDER", nargs="?", const="fitted", type=_order, help=text)
     text = "95 %% intervals from periods (default), derivatives (linear), blocks drawn anew, or the profile of the loss"
     ways = ("periods", "linear", "bootstrap", "profile")
     group.add_argument("--intervals", choices=ways, default="periods", help=text)
@@ -83,6 +88,10 @@ def _add_fit(parser: argparse.ArgumentParser) -> None:
     text = "look for a better optimum of each law by differential evolution, which takes minutes"
     group.add_argument("--global-search", action="store_true", help=text)
     options.add(group, "--seed", "of the draws of --intervals and --global-search", 0)
+
+
+def _order(text: str) -> float | str:
+    return text if text == "fitted" else options.real(text)
 
 
 def run(args: argparse.Namespace) -> None:
@@ -104,12 +113,16 @@ def run(args: argparse.Namespace) -> None:
     for law in laws:
         LAWS[law]  # refuses an unknown one with those that are known
     held_out = None
+    if args.by_load and args.by_position is not None:
+        raise ValueError("--by-load and --by-position are not sought together: leave one of them out")
     if args.held_out is not None:
         held_out = number("--held-out", args.held_out, minimum=0.0, maximum=0.9)
     out = Path(args.out or f"friction_{name}")
     files.usable(out, friction_fit.contents())
     car = car_options.load(args) if car_options.given(args) else None
     record = _record(path, args, car)
+    if args.by_position not in (None, "fitted") and not record.of_a_column:
+        raise ValueError("--by-position ORDER counts periods in a turn, and the record has none: give --lever too")
     with progress("fitting") as notify:
         found = friction_fit.collect(
             record, name, laws, held_out=held_out, by_load=args.by_load, options=_options(args), notify=notify
@@ -134,6 +147,8 @@ def run(args: argparse.Namespace) -> None:
             print(f"{', '.join(files_of)} hold laws that the record cannot tell apart; --friction takes any")
         else:
             print(f"{files_of[0]} holds the law that leaves least: --friction {files_of[0]}")
+        if shape := friction_fit_page.car_options(found.best.fit):
+            print(f"the level over the position is of the car: {shape}")
         if not args.by_load:
             print(
                 "a car's own steering.friction_load (0.03 in most packaged cars) raises this level with the rack force,"
@@ -218,4 +233,10 @@ def _write_template(path: str, args: argparse.Namespace) -> None:
 
 def _options(args: argparse.Namespace) -> dict[str, Any]:
     """Arguments of ``friction.fit`` that the options give."""
-    return {"starts": args.starts, "intervals": args.intervals, "global_search": args.global_search, "seed": args.seed}
+    return {
+        "starts": args.starts,
+        "intervals": args.intervals,
+        "global_search": args.global_search,
+        "seed": args.seed,
+        "order": args.by_position,
+    }

@@ -58,6 +58,12 @@ def run(args: argparse.Namespace) -> None:
     with progress("fitting") as notify:
         found = identify(drive, laws=args.law, held_out=args.held_out, seed=args.seed, notify=notify)
     print_steering(found, name)
+    of_car = steering_fit.driven(found, car)
+    print(
+        f"the car file, driven through the same angles: {of_car.refused}"
+        if of_car.refused
+        else f"the car file, driven through the same angles and speeds, predicts with RMS {of_car.residual:.3f} N m"
+    )
     trace = provenance.trace(
         command=args.argv,
         result=out.name,
@@ -67,7 +73,7 @@ def run(args: argparse.Namespace) -> None:
         seed=args.seed,
         mapping=mapping_of(0, args).plain(),
     )
-    steering_fit.write(out, found, name, car, trace)
+    steering_fit.write(out, found, name, car, of_car, trace)
     print(out / "index.html")
 
 

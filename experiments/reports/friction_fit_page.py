@@ -117,13 +117,38 @@ def rows(fit: Fit, units: Mapping[str, str]) -> list[Row]:
             text, ends = beside(value, interval)
         limit = " and ".join(side for side, at in zip(("lower", "upper"), fit.limits.get(name, (False, False))) if at)
         found.append(Row(name, text, ends, unit_of(fit.law, name, units), not undetermined, limit))
-    for name, value in ({} if fit.level is None else fit.level._asdict()).items():
-        if value != 0.0:
-            interval = fit.intervals.get(name)
-            unit = {"load": "1/N", "temperature_rate": "1/K", "temperature_rise": "K"}.get(name, "1")
-            text, ends = beside(value, interval) if interval else (shown_number(value, 4), "")
-            found.append(Row(f"level, {name}", text, ends, unit, True))
+    for name, value in level_of(fit).items():
+        interval = fit.intervals.get(name)
+        unit = in_units({"load": "1/N", "order": "1/rad", "peak": "rad"}.get(name, "1"), units)
+        text, ends = beside(value, interval) if interval else (shown_number(value, 4), "")
+        found.append(Row(f"level, {name}", text, ends, unit, name not in fit.undetermined))
     return found
+
+
+def level_of(fit: Fit) -> dict[str, float]:
+    """What a fit found of the level, by the fields of ``steer_env.friction.level.Level``.
+
+    Order and peak are there where the position has an influence.
+    """
+    found = {} if fit.level is None else fit.level._asdict()
+    return {
+        name: value
+        for name, value in found.items()
+        if (found["position"] if name in ("order", "peak") else value) != 0.0
+    }
+
+
+def car_options(fit: Fit | None) -> str:
+    """The options that give a car the level over the position of a fit; empty without one."""
+    level = {} if fit is None else level_of(fit)
+    names = ("position", "order", "peak") if "position" in level else ()
+    return " ".join(f"--set steering.friction_{name}={level[name]:.6g}" for name in names)
+
+
+def asymmetry(fit: Fit) -> tuple[str, str]:
+    """The asymmetry of the level that has the place of the offset, and its interval; empty texts without one."""
+    value, low, high = fit.asymmetry
+    return beside(value, (low, high)) if math.isfinite(value) else ("", "")
 
 
 def saturated(fit: Fit, units: Mapping[str, str]) -> Row:
@@ -159,9 +184,11 @@ def law_file(found: Found, each: Compared, fit: Fit) -> dict[str, Any]:
         "sets": [{name: _plain(x) for name, x in each._asdict().items()} for each in fit.sets],
         "undetermined": list(fit.undetermined),
         "offset": fit.offset,
+        "asymmetry": [_plain(x) for x in fit.asymmetry],
         "residual": fit.residual,
         "held_out": [_plain(x) for x in (each.residual, *each.interval)],
         "held_out_at_rest": each.resting,
+        "held_out_alone": each.alone,
         "warnings": warnings(fit, found.record.units),
         "notes": list(found.record.notes),
     }
@@ -246,6 +273,9 @@ def page_of(found: Found, folder: str) -> Page:
         "percent": lambda x: percent(found, x),
         "shares": lambda each: shares(found, each),
         "title": _title,
+        "by_position": any(each.alone is not None for each in fitted),
+        "asymmetry": asymmetry,
+        "car_options": car_options,
         "warnings": {fit.law: warnings(fit, found.record.units) for fit in fits},
         "rows": {fit.law: [saturated(fit, found.record.units), *rows(fit, found.record.units)] for fit in fits},
         "sets": {fit.law: sets(fit) for fit in fits},

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
+from scipy.interpolate import CubicSpline
 
 from steer_env import friction
 from steer_env.experiments.pages.files import replaced_directory
@@ -22,12 +23,18 @@ from steer_env.friction.fitted_file import UNITS as LAW_UNITS
 from steer_env.friction.law import LAWS
 from steer_env.hand_torque import Identified
 from steer_env.hand_torque.drive import FEWEST
-from steer_env.hand_torque.fit import NONE, VISCOUS, Fitted
-from steer_env.hand_torque.model import MAPS, RATE, UNITS, on_samples, stretched
+from steer_env.hand_torque.fit import NONE, VISCOUS, Fitted, at_ends
+from steer_env.hand_torque.model import MAPS, RATE, UNITS, Array, on_samples, stretched
+from steer_env.manoeuvres import Manoeuvre, drive
+from steer_env.manoeuvres.common.shapes import ramp_and_hold
 from steer_env.metrics.common.just_noticeable import LEAST, SHARE
 from steer_env.vehicle import cars
+from steer_env.vehicle.chassis.common.interface import SPEED_MAX, SPEED_MIN, TARGET_SPEED
 
 ROWS = 10  # of the first table
+FADE = 2.0  # from straight ahead to the angle of the drive ...
+RUN_IN = 10.0  # ... and from there to the first sample that judges, so that the car follows [s]
+LONGEST = 600.0  # of the judging part that a car is driven through [s]
 SECONDS = 30.0  # of the judging part that are drawn over time [s]
 POINTS = 1500  # of a picture, at most
 TITLES = {NONE: "no damping, no friction", VISCOUS: "damping alone (viscous)"}
@@ -52,6 +59,14 @@ MEANINGS = {
     "C": "damping, of the assist too",
     "I": "inertia",
 }
+
+
+class Driven(NamedTuple):
+    """What a car leaves of the judging part that is driven through its handwheel angles and speeds."""
+
+    residual: float = math.nan  # root mean square of its torque and T_0 less the measured torque [N m]
+    slope: float = math.nan  # of the measured torque over its torque, by regression [1]
+    refused: str = ""  # why it could not be driven
 
 
 def contents() -> frozenset[str]:
@@ -111,11 +126,53 @@ def car(found: Identified, base: cars.Car, name: str) -> cars.Car:
     )
 
 
-def as_json(found: Identified) -> dict[str, Any]:
+def driven(found: Identified, base: cars.Car) -> Driven:
+    """Drive column and chassis of a car, with the best law of the fitted part, through the judging part.
+
+    No torque of the judging part is used, as in the prediction by (H1).
+    """
+    d, best = found.drive, found.best
+    first = max(found.first - round(RUN_IN * RATE), 0)
+    part = slice(first, found.first + round(LONGEST * RATE))
+    time, speed = d.time[part] - d.time[first], np.clip(d.speed[part], SPEED_MIN, SPEED_MAX)
+    curve = CubicSpline(time, d.angle[part])
+
+    def hand(t: Array, amplitude: float) -> tuple[Array, Array]:
+        on, change = ramp_and_hold(t, 1.0, FADE)
+        return amplitude * on * curve(t), amplitude * (change * curve(t) + on * curve(t, 1))
+
+    manoeuvre = Manoeuvre(
+        name="drive",
+        hands="the handwheel angle of a drive",
+        source="the drive",
+        speed=float(speed[0]),
+        duration=float(time[-1]),
+        hand=hand,
+        amplitude=1.0,
+        chassis="two_track",
+        others={TARGET_SPEED: lambda t: np.interp(t, time, speed) - speed[0]},
+    )
+    law = friction.make("viscous", sigma_2=0.0) if best.judged.friction is None else best.judged.friction
+    try:
+        made = drive(cars.load(base.data(), {"steering.friction_load": 0.0}), manoeuvre, law)
+    except ValueError as error:
+        return Driven(refused=str(error))
+    used = (d.weight[part] > 0.0) & (np.arange(first, first + time.size) >= found.first)
+    torque = np.interp(time, made.time, made["torsion_bar_torque"])[used] + best.judged.terms["T_0"]
+    measured = d.torque[part][used]
+    return Driven(float(np.sqrt(np.mean((torque - measured) ** 2))), float(np.polyfit(torque, measured, 1)[0]))
+
+
+def as_json(found: Identified, of_car: Driven) -> dict[str, Any]:
     """Everything that was found, as JSON; null for a number that is not finite."""
     d = found.drive
     return {
         "verdict": page_of(found, "", "").verdict[0],
+        "car_driven": {
+            "residual": _plain(of_car.residual),
+            "measured_over_predicted": _plain(of_car.slope),
+            "refused": of_car.refused,
+        },
         "judged_from": float(d.time[found.first]),
         "seconds_fitted": float(d.weight[: found.first].sum() * d.dt),
         "seconds_judged": float(d.weight[found.first :].sum() * d.dt),
@@ -131,7 +188,7 @@ def as_json(found: Identified) -> dict[str, Any]:
         "shapes": {each.name: {"by_time": each.by_time, "beyond": each.beyond} for each in found.shapes},
         "prior": d.prior._asdict(),
         "not_determined": [*PRIOR, "boost"],
-        "notes": list(d.notes),
+        "notes": [*d.notes, *at_ends(found)],
         "rows": {row.name: _row(row) for row in found.rows},
     }
 
@@ -178,8 +235,8 @@ def measured_over_predicted(found: Identified) -> Figure:
     return figure
 
 
-def page_of(found: Identified, name: str, folder: str) -> Page:
-    """The page; ``name`` is that of the drive."""
+def page_of(found: Identified, name: str, folder: str, of_car: Driven | None = None) -> Page:
+    """The page; ``name`` is that of the drive, and ``of_car`` what its car file leaves."""
     best = found.best
     terms = [Term(key, value, UNITS[key], MEANINGS[key]) for key, value in best.model.terms.items()]
     values = {
@@ -187,6 +244,8 @@ def page_of(found: Identified, name: str, folder: str) -> Page:
         "drive_name": name,
         "folder": folder,
         "drive": found.drive,
+        "of_car": of_car,
+        "notes": [*found.drive.notes, *at_ends(found)],
         "best": best,
         "rows": first_rows(found),
         "rms": rms(found),
@@ -205,12 +264,13 @@ def page_of(found: Identified, name: str, folder: str) -> Page:
     return Page("steering_fit", values)
 
 
-def write(out: Path, found: Identified, name: str, base: cars.Car, trace: Mapping[str, Any]) -> None:
+def write(out: Path, found: Identified, name: str, base: cars.Car, of_car: Driven, trace: Mapping[str, Any]) -> None:
     """Write page, files of laws and car into a directory, which appears or is replaced as a whole.
 
-    ``trace`` is of :func:`steer_env.experiments.pages.provenance.trace`; page and JSON files hold it.
+    ``of_car`` is of :func:`driven`, ``trace`` of :func:`steer_env.experiments.pages.provenance.trace`; page and JSON
+    files hold both.
     """
     laws = {f"{row.name}.json": law_file(found, row) for row in found.dry}
     with replaced_directory(out, contents()) as part:
-        place(part, page_of(found, name, out.name), {"fit.json": as_json(found), **laws}, trace)
+        place(part, page_of(found, name, out.name, of_car), {"fit.json": as_json(found, of_car), **laws}, trace)
         cars.write(car(found, base, name), part / "car.toml")

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.friction.identification.determined import samples_per_count
-from steer_env.friction.identification.fit import Fit, Options, fitted, prepared
+from steer_env.friction.identification.fit import Fit, Options, checked_order, fitted, prepared
 from steer_env.friction.identification.periods import moving
+from steer_env.friction.identification.position import NAMES
 from steer_env.friction.identification.record import Record, checked
 from steer_env.friction.law import available, law_of, make
 from steer_env.friction.level import by_sample
@@ -34,6 +35,7 @@ class Compared(NamedTuple):
     bic: float  # Bayes' [1]
     alike: tuple[str, ...]  # laws that the held-out part cannot tell from this one
     resting: float | None = None  # RMS on the held-out part at rest; None without rests, or for a law without memory
+    alone: float | None = None  # residual with the same level everywhere, where one over the position was sought [N m]
 
 
 def compare(
@@ -46,6 +48,7 @@ def compare(
     intervals: str = "periods",
     global_search: bool = False,
     seed: int = 0,
+    order: float | str | None = None,
     notify: Callable[[float, str], None] = lambda part, text: None,
 ) -> tuple[Compared, ...]:
     """Fit laws to the first part of a record and judge them on the motion of a later one, the best first.
@@ -63,8 +66,8 @@ def compare(
         Share of the record, its end, or the samples that judge [1]. With 0 the whole record is fitted and judges.
     inertia : float or None
         As in :func:`steer_env.friction.fit` [kg m2].
-    starts, intervals, global_search
-        As in :func:`steer_env.friction.fit`.
+    starts, intervals, global_search, order
+        As in :func:`steer_env.friction.fit`; with an order, each law is fitted without it too (``Compared.alone``).
     seed : int
         Of the draws.
     notify : callable
@@ -90,7 +93,7 @@ def compare(
     known = part.branches.turns[part.branches.first]  # before it, a law does not know its memory
     if first == whole.x.size:
         judging = slice(known, None)
-    options = Options(starts=starts, intervals=intervals, global_search=global_search, seed=seed)
+    options = Options({}, starts, intervals, global_search, seed, checked_order(order, load))
     found, squares, left, moves = [], {}, {}, _moves(whole, inertia, judging)
     names = available() if laws is None else laws
     for i, name in enumerate(names):
@@ -101,21 +104,32 @@ def compare(
         except ValueError as error:
             found.append(Compared(name, None, str(error), math.inf, (math.inf, math.inf), math.inf, math.inf, ()))
             continue
-        e = remainder(whole, fit)
+        e, moving_part = remainder(whole, fit), moves[judging]
         left[name] = e[known:first][moves[known:first]]
-        counted, rest = e[judging][moves[judging]], e[judging][~moves[judging]]
-        squares[name] = np.array([np.mean(b) for b in np.array_split(counted**2, BLOCKS)])
-        drawn = np.sqrt(np.mean(squares[name][_draws(seed)], axis=1))
-        low, high = np.quantile(drawn, (0.025, 0.975)).tolist()
-        residual, tells = math.sqrt(np.mean(counted**2)), rest.size > 0 and law.memory_size(fit.parameters) > 0
-        resting = math.sqrt(np.mean(rest**2)) if tells else None
-        found.append(Compared(name, fit, "", residual, (low, high), math.inf, math.inf, (), resting))
+        squares[name] = np.array([np.mean(b) for b in np.array_split(e[judging][moving_part] ** 2, BLOCKS)])
+        each = _judged(fit, e[judging], moving_part, squares[name], seed)
+        if order is not None:
+            same = fit if fit.level is None else fitted(part, law, options._replace(order=None))
+            each = each._replace(alone=_rms(remainder(whole, same)[judging][moving_part]))
+        found.append(each)
     found.sort(key=lambda each: each.residual)
     result = []
     for each in found:
         aic, bic = _criteria(each, left)
         result.append(each._replace(alike=_alike(each.law, squares, seed), aic=aic, bic=bic))
     return tuple(result)
+
+
+def _judged(fit: Fit, e: NDArray, moves: NDArray, squares: NDArray, seed: int) -> Compared:
+    """A law by what it leaves of the samples that judge, without its criteria."""
+    low, high = np.quantile(np.sqrt(np.mean(squares[_draws(seed)], axis=1)), (0.025, 0.975)).tolist()
+    tells = not moves.all() and law_of(fit.parameters).memory_size(fit.parameters) > 0
+    resting = _rms(e[~moves]) if tells else None
+    return Compared(fit.law, fit, "", _rms(e[moves]), (low, high), math.inf, math.inf, (), resting)
+
+
+def _rms(values: NDArray) -> float:
+    return math.sqrt(np.mean(values**2))
 
 
 def _moves(record: Record, inertia: float | None, judging: slice) -> NDArray[np.bool_]:
@@ -132,7 +146,8 @@ def _first(record: Record, share: float) -> int:
 def remainder(record: Record, fit: Fit) -> NDArray[np.float64]:
     """What a law that was fitted leaves of the torque of a whole record (T,), law less record [N m]."""
     clean = prepared(record, fit.inertia).record  # x freed of its noise, and without the torque of the inertia
-    scale: Any = 1.0 if fit.level is None or record.load is None else by_sample(fit.level, record.load, record.x)
+    load = np.zeros(clean.x.size) if record.load is None else record.load
+    scale: Any = 1.0 if fit.level is None else by_sample(fit.level, load, clean.x)
     return response(fit.parameters, clean.x, record.dt, scale) + fit.offset - clean.torque
 
 
@@ -150,6 +165,7 @@ def _criteria(each: Compared, left: dict[str, NDArray]) -> tuple[float, float]:
     values = [v for name, v in each.fit.parameters._asdict().items() if name not in each.fit.undetermined]
     elements = max((np.size(v) for v in values if np.ndim(v)), default=0)  # of which each adds one
     k = 1 + elements + sum(np.ndim(v) == 0 for v in values)  # with the offset
+    k += sum(name in each.fit.intervals for name in NAMES)  # of a level over the position
     gain = count * math.log(max(float(np.mean(e**2)), 1e-300))  # (F39)
     return gain + 2.0 * k, gain + k * math.log(count)
 

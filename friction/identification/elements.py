@@ -15,6 +15,7 @@ from steer_env.friction.numerics.kernel import kernel
 from steer_env.friction.virgin_curve import MAX_ELEMENTS
 
 GRIDS = (4, 8, 16, 32, 64)  # numbers of yields that are compared on held-out samples
+LEAST = 1e-3  # of those yields, over half the travel [1]
 JUDGED = 1.0 / 3.0  # of the weighed samples, the last ones [1]
 CONSTANT = (0.0,)  # slopes of the levels of sliders: none depends on the position [1]
 SLOPES = (1.0, 0.5, 0.0, -0.5, -1.0)  # of sets that may; at 1 and -1 the level is zero at one end of the stroke [1]
@@ -145,7 +146,7 @@ def elements_of(problem: Problem, slider: Slider | None = None, slopes: Sequence
     """
     widest = 0.5 * float(np.ptp(problem.x[problem.weighed]))
     own = dict.fromkeys((tuple(slopes), CONSTANT))  # levels that depend on nothing may describe the record as well
-    grids = [np.repeat(np.geomspace(1e-3 * widest, widest, n), len(each)) for each in own for n in GRIDS]
+    grids = [np.repeat(np.geomspace(LEAST * widest, widest, n), len(each)) for each in own for n in GRIDS]
     sets = [np.tile(each, n) for each in own for n in GRIDS]
     regressors = [regressors_of(problem, y, slider, each) for y, each in zip(grids, sets)]
     T = problem.torque[problem.weighed]
@@ -163,6 +164,19 @@ def elements_of(problem: Problem, slider: Slider | None = None, slopes: Sequence
     high = np.max([each[1] for each in bounds], axis=0)
     intervals = {"F_c": (low[-1], high[-1]), "virgin_torque": (low, high)}
     return best._replace(intervals=intervals, sets=_sets(problem, best, slider))
+
+
+def at_ends(problem: Problem, found: Elements) -> list[str]:
+    """What is told where the largest slider yields at an end of the grid, in whole sentences."""
+    low, high = stroke_of(problem)
+    share = 2.0 * float(found.y[np.argmax(found.F)]) / float(high - low) if found.y.size else 0.1
+    for end, side, remedy in (
+        (LEAST, "least", "it may yield earlier; sample faster, or move slower"),
+        (1.0, "largest", "it may yield later; record longer strokes"),
+    ):
+        if math.isclose(share, end):
+            return [f"the largest slider has the {side} yield of the search, an end of the grid: {remedy}"]
+    return []
 
 
 def regressors_of(

@@ -20,7 +20,10 @@ from steer_env.friction.identification.determined import (
     profiled,
 )
 from steer_env.friction.identification.displacement import BAND, deviation_of, motion_of
-from steer_env.friction.identification.elements import Elements, SliderSet, beside, fitted_sliders
+from steer_env.friction.identification.elements import Elements, SliderSet, at_ends, beside, fitted_sliders
+from steer_env.friction.identification.position import FITTED, NAMES, Position, with_position
+from steer_env.friction.identification.position import joint as joint_with_position
+from steer_env.friction.identification.position import told as told_of_position
 from steer_env.friction.identification.problem import Problem, searched
 from steer_env.friction.identification.quality import by_noise, own_noise, refuse
 from steer_env.friction.identification.rate import Rate, joint, told, with_rate
@@ -30,7 +33,7 @@ from steer_env.friction.identification.scales import Scales, scaled
 from steer_env.friction.identification.space import space_of, within_law
 from steer_env.friction.law import Law, Sliders, law_of, make
 from steer_env.friction.level import Level
-from steer_env.friction.numerics.check import number, one_of, whole
+from steer_env.friction.numerics.check import number, one_of, positive, whole
 
 STEP = 1e-5  # of a coordinate, for the derivative of the saturated torque [1]
 INTERVALS = ("periods", "linear", "bootstrap", "profile")
@@ -51,13 +54,18 @@ class Fit(NamedTuple):
     offset: float  # constant part of the measured torque [N m]
     residual: float  # RMS over the weighed samples [N m]
     warnings: tuple[str, ...]
-    level: Any = None  # steer_env.friction.level.Level, where load or direction change the friction
+    level: Any = None  # steer_env.friction.level.Level, where load or position change the friction
     undetermined: tuple[str, ...] = ()  # names of the parameters that the record does not determine
     explained: float = 0.0  # share of the variance of the weighed torque [1]
     inertia: float = 0.0  # that the torque sensor moves along, given or estimated [kg m2]
     limits: Mapping[str, tuple[bool, bool]] = {}  # name -> whether the low and the high end are bounds of the law
     sets: tuple[SliderSet, ...] = ()  # of sliders in parallel, that the record tells from each other
     saturated: tuple[float, float, float] = (math.nan, math.nan, math.nan)  # far one way, and its interval [N m]
+    asymmetry: tuple[float, float, float] = (
+        math.nan,
+        math.nan,
+        math.nan,
+    )  # in place of the offset, and its interval [1]
 
 
 class Options(NamedTuple):
@@ -68,6 +76,7 @@ class Options(NamedTuple):
     intervals: str = "periods"
     global_search: bool = False
     seed: int = 0
+    order: float | str | None = None  # of the level over the position, FITTED, or None for a level that is the same [1]
 
 
 class Prepared(NamedTuple):
@@ -95,6 +104,7 @@ def fit(
     intervals: str = "periods",
     global_search: bool = False,
     seed: int = 0,
+    order: float | str | None = None,
 ) -> Fit:
     """Identify a law from displacement and torque.
 
@@ -129,15 +139,19 @@ def fit(
         Whether differential evolution looks for a better optimum.
     seed : int
         Of the draws.
+    order : float or "fitted", optional
+        Lets the level change over the position (F42), as ``fit.level`` tells: with so many periods in a turn of x, or
+        as many as fit best. A law whose own levels depend on the position takes no other.
 
     Returns
     -------
     Fit
-        The intervals cover noise of the torque, not a law that does not fit. That of ``"load"`` is of ``level.load``.
-        That of ``F_c`` is open above where the weighed torque never saturates; those of Masing are of ``F_c`` and of
-        the ``virgin_torque`` at its yields. They end where the law does (``limits``). ``sets`` are the sliders in
-        parallel that the record tells from each other, and ``saturated`` is the friction after a long way at the
-        record's median speed, both with intervals by the delta method.
+        The intervals cover noise of the torque, not a law that does not fit. Those of ``"load"``, ``"position"``,
+        ``"order"`` and ``"peak"`` are of fields of ``level``. ``asymmetry`` is the one that has the place of ``offset``
+        if the zero of the sensor is true. The interval of ``F_c`` is open above where the weighed torque never
+        saturates; those of Masing are of ``F_c`` and of the ``virgin_torque`` at its yields. They end where the law
+        does (``limits``). ``sets`` are the sliders in parallel that the record tells from each other, and ``saturated``
+        is the friction after a long way at the record's median speed, both with intervals by the delta method.
 
     Raises
     ------
@@ -153,8 +167,19 @@ def fit(
             names = ", ".join(usual._fields)
             raise ValueError(f"fixed: friction law {law!r} has no parameter {name!r}; it has {names}")
     held = {name: number(f"fixed {name}", value) for name, value in (fixed or {}).items()}
-    options = Options(held, whole("starts", starts, 1), intervals, global_search, whole("seed", seed, 0))
+    options = Options(
+        held, whole("starts", starts, 1), intervals, global_search, whole("seed", seed, 0), checked_order(order, load)
+    )
     return fitted(prepared(checked(x, torque, dt, load), inertia), law_of(usual), options)
+
+
+def checked_order(order: float | str | None, load: ArrayLike | None) -> float | str | None:
+    """An order that is known, to be sought or not there; ValueError where it is not positive or beside a load."""
+    if order is not None and load is not None:
+        raise ValueError(
+            "order and load are not sought together, as the load often grows with x: leave one of them out"
+        )
+    return order if order in (None, FITTED) else positive("order", order)
 
 
 def prepared(record: Record, inertia: float | None = 0.0) -> Prepared:
@@ -185,16 +210,27 @@ def fitted(ready: Prepared, law: Law, options: Options) -> Fit:
     """One law on a record that is ready; see :func:`fit`."""
     problem = _problem(ready, law)
     load, rate = None if ready.record.load is None else np.abs(ready.record.load), Rate()
+    few, position = options._replace(starts=1, global_search=False), None
     if load is not None and np.ptp(load) > 0.0:
-        few = options._replace(starts=1, global_search=False)
         load = load / float(np.mean(load))
         problem, rate = with_rate(problem, law, load, lambda each: _estimated(ready, law, each, few)[0])
+    elif options.order is not None and not (isinstance(law.fitted, Sliders) and law.fitted.by_position):
+        order = None if options.order == FITTED else float(options.order) * ready.scales.displacement
+        problem, position = with_position(problem, law, order, lambda each: _whole(ready, law, each, few))
     estimate, elements = _estimated(ready, law, problem, options)
     if load is not None and rate.joint:
         problem, estimate = joint(problem, law, load, rate, estimate)
     if elements is not None:
         problem, estimate = beside(problem, estimate, elements)
-    return _told(ready, law, problem, estimate, elements, options, rate)
+    if position is not None and position.b:
+        problem, estimate = joint_with_position(problem, law, position, estimate)
+    return _told(ready, law, problem, estimate, elements, options, rate, position)
+
+
+def _whole(ready: Prepared, law: Law, problem: Problem, options: Options) -> tuple[Problem, Estimate]:
+    """Problem and estimate of a law with the columns of its elements."""
+    estimate, elements = _estimated(ready, law, problem, options)
+    return (problem, estimate) if elements is None else beside(problem, estimate, elements)
 
 
 def _problem(ready: Prepared, law: Law) -> Problem:
@@ -241,6 +277,7 @@ def _told(
     elements: Elements | None,
     options: Options,
     rate: Rate,
+    position: Position | None,
 ) -> Fit:
     """The estimate in the units of the record, with intervals and warnings."""
     scales, branches = ready.scales, ready.branches
@@ -292,9 +329,45 @@ def _told(
         sets=() if elements is None else tuple(_in_units(each, scales) for each in elements.sets),
         saturated=_saturated(ready, law, problem, estimate, elements),
     )
-    return result._replace(
-        warnings=(*remarks(result, ready, law, estimate.optimum), *told(rate)),
+    result = result._replace(
+        asymmetry=(math.nan,) * 3 if branches.one_way else _asymmetry(ready, estimate, result),
+        warnings=(
+            *([] if elements is None else at_ends(problem, elements)),
+            *remarks(result, ready, law, estimate.optimum),
+            *told(rate),
+        ),
         undetermined=result.undetermined + ("load",) * rate.undetermined,
+    )
+    return result if position is None else _by_position(ready, position, result)
+
+
+def _asymmetry(ready: Prepared, estimate: Estimate, found: Fit) -> tuple[float, float, float]:
+    """The asymmetry of the level that has the place of the offset, and its interval by the offset's [1]."""
+    end, level = estimate.optimum, found.saturated[0]
+    row = np.eye(end.q.size)[len(estimate.space.sought)][None]
+    half = float(half_widths(end.jacobian, end.residual, row)[0]) * ready.scales.torque
+    if not level > 0.0:
+        return math.nan, math.nan, math.nan
+    return found.offset / level, (found.offset - half) / level, (found.offset + half) / level
+
+
+def _by_position(ready: Prepared, position: Position, found: Fit) -> Fit:
+    """A fit with its level over the position, in the units of the record."""
+    warnings = (*found.warnings, *told_of_position(position))
+    if not position.b:
+        return found._replace(warnings=warnings)
+    x, first = ready.scales.displacement, float(ready.record.x[0])
+    units = {"position": (1.0, 0.0), "peak": (x, first), "order": (1.0 / x, 0.0)}
+    ends = zip(NAMES, position.intervals)
+    return found._replace(
+        level=Level(position=position.b, order=position.order / x, peak=first + position.peak * x),
+        intervals=found.intervals
+        | {
+            name: (units[name][0] * low + units[name][1], units[name][0] * high + units[name][1])
+            for name, (low, high) in ends
+        },
+        undetermined=found.undetermined + position.undetermined,
+        warnings=warnings,
     )
 
 

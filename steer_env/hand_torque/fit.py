@@ -181,6 +181,18 @@ def identify(
     return _answer(drive, first, shapes, rows, seed)
 
 
+def at_ends(found: Identified) -> tuple[str, ...]:
+    """What is told of pre-sliding distances, or their intervals, that reach an end of the grid, in whole sentences."""
+    texts = []
+    for end, side in ((X_C[0], "least"), (X_C[-1], "largest")):
+        best = [row.name for row in found.dry if row.x_c == end]
+        reach = [row.name for row in found.dry if end in row.x_c_interval and row.name not in best]
+        grid = f"the {side} of the grid, {np.degrees(end):.2g} deg: it may lie beyond"
+        texts += [f"the best pre-sliding distance of {', '.join(best)} is {grid}"] if best else []
+        texts += [f"the interval of the pre-sliding distance of {', '.join(reach)} reaches {grid}"] if reach else []
+    return tuple(texts)
+
+
 def _names(shape: str, name: str) -> tuple[str, ...]:
     """Terms of (H1) of a row; the inertia is that of all rows, and "none" has no damping."""
     return ("T_0", *MAPS[shape], *(("I",) if name == NONE else ("C", "I")), *(("level",) if _is_law(name) else ()))

@@ -212,6 +212,43 @@ def test_a_level_by_load_is_in_the_curve_the_page_and_the_file(tmp_path):
     assert "steering.friction_load" in page
 
 
+def test_a_level_by_position_is_in_the_curve_the_page_and_the_file(capsys):
+    """A tenth more at its peak, eighty times in a turn; beside each law stands what it leaves without."""
+    x, true = np.radians(X), level.make(position=0.1, order=80.0, peak=0.01)
+    scales = level.by_sample(true, np.zeros(T.size), x)
+    save(columns=(T, X, friction.response(DAHL, x, DT, scales) + 0.05 + NOISE))
+    assert main(["fit-friction", "mine.csv", "--law", "dahl", "--by-position", "--out", "out"]) == 0
+    printed = capsys.readouterr().out
+    file = loaded("out/dahl.json")
+    assert file["level"]["position"] == pytest.approx(0.1, rel=0.1)
+    assert file["level"]["order"] == pytest.approx(80.0, rel=0.02)
+    assert file["intervals"]["peak"][0] <= 0.01 <= file["intervals"]["peak"][1]
+    assert file["held_out"][0] == pytest.approx(0.005, rel=0.1)
+    assert file["held_out_alone"] > 5.0 * file["held_out"][0]
+    assert "left alone [%]" in printed
+    keys = {name: f"steering.friction_{name}" for name in ("position", "order", "peak")}
+    page = Path("out/index.html").read_text(encoding="utf-8")
+    options = [f"{keys[name]}={file['level'][name]:.6g}" for name in keys]
+    assert " ".join(f"--set {each}" for each in options) in page
+    assert all(each in printed for each in options)
+    car = cars.load("compact", {keys[name]: file["level"][name] for name in keys})
+    assert car.plant().level.position == pytest.approx(0.1, rel=0.1)
+    with pytest.warns(
+        UserWarning, match="set steering.friction_position, steering.friction_order, steering.friction_p"
+    ):
+        friction.resolve("out/dahl.json")
+
+
+def test_an_asymmetry_is_told_beside_the_offset(capsys):
+    save()
+    assert main(["fit-friction", "mine.csv", "--law", "dahl", "--out", "out"]) == 0
+    assert "an asymmetry of 0.055" in capsys.readouterr().out
+    value, low, high = loaded("out/dahl.json")["asymmetry"]
+    assert low < value < high
+    assert value == pytest.approx(0.05 / DAHL.F_c, rel=0.05)
+    assert "asymmetry in its place" in Path("out/index.html").read_text(encoding="utf-8")
+
+
 def test_a_record_that_no_law_can_be_fitted_to_gives_no_files(capsys):
     save(columns=(T[:400], X[:400], F[:400]))  # a stroke and a half: nothing reverses in the first part
     assert "record a stroke to and fro" in fails(capsys, "mine.csv", "--held-out", "0.9", "--out", "out")
@@ -266,6 +303,8 @@ BAD = [
     (["swapped.csv"], ["exchanged", "--map displacement="]),
     (["forces.csv"], ["rad", "in N", "--lever"]),
     (["mine.csv", "--by-load"], ["no load", "--map load="]),
+    (["mine.csv", "--by-load", "--by-position"], ["--by-load and --by-position", "leave one of them out"]),
+    (["rig", "--by-position", "2"], ["--by-position ORDER", "--lever"]),
     (["rig", "--by-load"], ["hardly varies (4.995 to 5.004)", "leave --by-load out"]),
     (["mine.csv", "--template", "mine.csv"], ["--template mine.csv exists"]),
     (["mine.csv", "--between", "100", "200"], ["no samples from 100"]),

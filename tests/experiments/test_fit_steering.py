@@ -4,12 +4,15 @@ import json
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from steer_env import identify
+from steer_env import friction, identify, manoeuvres
 from steer_env.experiments.cli.main import main
+from steer_env.experiments.reports import steering_fit
 from steer_env.experiments.reports.steering_fit import page_of
 from steer_env.hand_torque.drive import FEWEST
+from steer_env.recording import Recording
 from steer_env.vehicle import cars
 from tests.experiments.first_screen import sentence
 from tests.synthetic import hand_torque as synthetic
@@ -52,6 +55,40 @@ def test_law_and_car_drive_a_weave(written, tmp_path):
     assert law["friction"]["F_c"] == pytest.approx(level)
     words = ["--vehicle", str(written / "car.toml"), "--friction", str(written / "dahl.json")]
     assert main(["run", "weave", *words, "--out", str(tmp_path / "weave.csv")]) == 0
+
+
+def test_the_car_file_is_driven_through_the_drive(written, capsys):
+    """A car that is not that of the drive leaves more than the equation, and the page says so."""
+    found = json.loads((written / "fit.json").read_text())["car_driven"]
+    assert 0.3 < found["residual"] < 0.6  # regression; the measured torque has 0.31 N m
+    assert 0.2 < found["measured_over_predicted"] < 0.7
+    page = (written / "index.html").read_text(encoding="utf-8")
+    assert "predicts that torque to 0.4" in page
+
+
+def test_the_car_that_made_a_drive_predicts_it():
+    """To a hundredth of its torque, with the friction of its column; another car does not."""
+    car, law = cars.load("compact", {"steering.friction_load": 0.0}), friction.make("dahl")
+    made = manoeuvres.drive(car, manoeuvres.make("road", duration=90.0, seed=3), law).resampled(100.0)
+    kept = ("handwheel_angle", "torsion_bar_torque", "vehicle_speed")
+    channels, units = ({name: each[name] for name in kept} for each in (made.channels, made.units))
+    found = identify(Recording(made.time, channels, units), laws=["dahl"])
+    best = found.best
+    terms = {**best.judged.terms, "T_0": 0.0}
+    judged = best.judged._replace(friction=law, terms=terms)
+    found = found._replace(rows=(best._replace(judged=judged), found.row("viscous")))
+    size = np.std(channels["torsion_bar_torque"])
+    own, other = (steering_fit.driven(found, each) for each in (car, cars.load("rear_drive_saloon")))
+    assert own.residual < 0.02 * size
+    assert own.slope == pytest.approx(1.0, abs=0.02)
+    assert other.residual > 3.0 * own.residual
+
+
+@pytest.mark.filterwarnings("ignore:car compact. boost, limit")
+def test_a_car_that_cannot_be_driven_is_told():
+    found = identify(synthetic.drive(1, "coulomb", 0.4), laws=["coulomb"])
+    unstable = cars.load("compact", {"assist.boost_scale": 9.0, "assist.delay": 0.004})
+    assert "unstable" in steering_fit.driven(found, unstable).refused
 
 
 def refused(capsys, *words):

@@ -51,6 +51,15 @@ def test_a_level_is_of_the_car(fitted):
         friction.resolve(str(fitted))
 
 
+def test_a_level_over_the_position_names_the_keys_of_the_car(fitted):
+    level = {"load": 0.0, "position": 0.1, "order": 2.0, "peak": 0.3}
+    fitted.write_text(json.dumps({"friction": LAW, "level": level}))
+    with pytest.warns(UserWarning, match=r"position 0\.1, order 2, peak 0\.3\).*steering\.friction_order"):
+        friction.resolve(fitted)
+    fitted.write_text(json.dumps({"friction": LAW, "level": level | {"position": 0.0}}))
+    friction.resolve(fitted)  # nothing is left; a warning would fail
+
+
 def test_a_level_that_the_record_did_not_determine_is_told(fitted):
     law = {"law": "lugre", "sigma_1": 0.0, "F_c": 0.6, "F_s": 0.6}
     fitted.write_text(json.dumps({"friction": law, "undetermined": ["F_s", "v_s"]}))

@@ -93,6 +93,14 @@ def test_own_record():
     assert not any("does not describe" in text for text in found.warnings)
 
 
+def test_yields_at_the_end_of_the_grid_are_told():
+    """A contact of which the most does not yield within the travel; a saturated loop has no such remark."""
+    for y, expected in ((0.06, 1), (0.01, 0)):
+        p = friction.make("masing_position", k=[40.0, 20.0], y=[0.004, y])
+        found = friction.fit(LOOPS, friction.response(p, LOOPS, DT) + noise(0, LOOPS.size), "masing_position", dt=DT)
+        assert sum("the largest yield of the search, an end of the grid" in text for text in found.warnings) == expected
+
+
 @pytest.mark.parametrize("displacement", ["measured", "mean period"])
 def test_the_measured_rig(displacement):
     """60 s fit, 40 s judge: at most 4.2 % of the mean friction, rests included. Masing leaves 4.7 %.

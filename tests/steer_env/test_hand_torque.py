@@ -137,6 +137,19 @@ def test_the_kind_of_friction_with_every_law(law, damping, kind):
     assert law is None or law in found.equals
 
 
+def test_a_distance_at_the_end_of_the_grid_is_told():
+    """Coulomb friction builds up over less than every distance that is tried, as nothing shows an end."""
+    found = identify(synthetic.drive(1, "coulomb", 0.4), laws=["masing_position"])
+    assert found.row("masing_position").x_c == fit.X_C[0]
+    (told,) = [text for text in fit.at_ends(found) if "the best" in text]
+    assert told.startswith("the best pre-sliding distance of masing_position is the least of the grid, 0.03 deg")
+    inside = found.row("masing_position")._replace(x_c=fit.X_C[4], x_c_interval=(fit.X_C[3], fit.X_C[-1]))
+    (told,) = fit.at_ends(found._replace(rows=(inside,)))
+    assert told.startswith(
+        "the interval of the pre-sliding distance of masing_position reaches the largest of the grid"
+    )
+
+
 @pytest.mark.whole
 def test_growth_with_the_load():
     """Five drives each, of the ten in docs/road_drive.md: 0.3 N m for each m/s2 beside 0.3 N m, or none."""

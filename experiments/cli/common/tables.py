@@ -15,7 +15,9 @@ from steer_env.experiments.learning.held_out import Estimate
 from steer_env.experiments.reports import friction_fit, friction_fit_page, steering_fit
 from steer_env.experiments.reports.car_quantities import Quantity
 from steer_env.experiments.studies.common.battery import Difference
+from steer_env.friction import Compared
 from steer_env.hand_torque import Identified
+from steer_env.hand_torque.fit import at_ends
 from steer_env.metrics import Value, definition
 from steer_env.targets import Rating
 
@@ -203,14 +205,15 @@ def print_fits(found: friction_fit.Found) -> None:
     """Print what each law leaves of the friction, its parameters, the warnings of the best ones, and the verdict."""
     table = _table()
     saturated = f"saturated [{found.record.units['torque']}]"
-    for heading in ("law", "left [%]", "95 % interval", saturated, "parameters"):
+    alone = ("left alone [%]",) if any(each.alone is not None for each in found.laws) else ()
+    for heading in ("law", "left [%]", "95 % interval", *alone, saturated, "parameters"):
         # Text, as rich would take a unit in brackets for markup.
         table.add_column(
             Text(heading), justify="left" if heading in ("law", "parameters") else "right", overflow="fold"
         )
     for each in found.laws:
         if each.fit is None:
-            table.add_row(each.law, "", "", "", Text(f"not fitted: {each.refused}"))
+            table.add_row(each.law, "", "", "", *("" for _ in alone), Text(f"not fitted: {each.refused}"))
             continue
         value, low, high = friction_fit_page.shares(found, each)
         shown = [
@@ -222,6 +225,7 @@ def print_fits(found: friction_fit.Found) -> None:
             each.law,
             f"{value:.3g}",
             f"{low:.3g} .. {high:.3g}",
+            *([] if each.alone is None else [f"{friction_fit_page.percent(found, each.alone):.3g}"]),
             f"{found.saturated[each.law]:.3g}",
             Text(", ".join(shown)),
         )
@@ -234,9 +238,23 @@ def print_fits(found: friction_fit.Found) -> None:
         others += len(told) if found.apart(each) else 0
         for warning in [] if found.apart(each) else told:
             printer.print(f"{each.law}: {warning}", **plain)
+    for each in found.equals[:1]:
+        if (text := _asymmetry(each)) is not None:
+            printer.print(text, **plain)
     if others:
         printer.print(f"{others} warnings of the laws that leave more are on the page and in their files", **plain)
     printer.print(friction_fit_page.verdict(found), style="bold", **plain)
+
+
+def _asymmetry(each: Compared) -> str | None:
+    """What the offset of a law would be if it were none of the sensor; None where it may be zero."""
+    value, low, high = (math.nan,) * 3 if each.fit is None else each.fit.asymmetry
+    if not (low > 0.0 or high < 0.0):
+        return None
+    return (
+        f"{each.law}: the offset is a zero of the sensor, or an asymmetry of {value:.3g} [{low:.3g}, {high:.3g}] "
+        "(steering.friction_asymmetry), which the record does not tell apart"
+    )
 
 
 def _first_of(value: str) -> str:
@@ -275,6 +293,8 @@ def print_steering(found: Identified, name: str) -> None:
     if len(found.equals) > 1:
         printer.print(f"cannot be told apart: {', '.join(found.equals)}", **plain)
     printer.print(f"kind of friction: {found.chosen}", **plain)
+    for text in at_ends(found):
+        printer.print(text, **plain)
     printer.print(steering_fit.page_of(found, name, "").verdict[0], **plain)
 
 
