@@ -296,14 +296,16 @@ def _default_in_words(section: str, key: str, about: Key) -> str:
 
 
 def _keys(section: str) -> str:
-    """The keys of a section of a car file as a table."""
+    """The keys of a section of a car file as a table, without columns that are empty."""
     rows = []
     for key, about in declared_keys()[section].items():
         usual = "{:g} to {:g}".format(*about.usual) if about.usual else ""
         rows.append(
             (f"`{key}`", about.meaning, about.unit, _default_in_words(section, key, about), about.allowed, usual)
         )
-    return table(("key", "meaning", "unit", "default", "allowed", "usual"), rows)
+    head = ("key", "meaning", "unit", "default", "allowed", "usual")
+    filled = [k for k in range(len(head)) if any(row[k] for row in rows)]
+    return table(tuple(head[k] for k in filled), [tuple(row[k] for k in filled) for row in rows])
 
 
 def _usual() -> str:
@@ -311,9 +313,9 @@ def _usual() -> str:
     rows = []
     for q in plausible.USUAL:
         if q.keys:
-            listed = ", ".join(f"`{key}`" for key in q.keys.split(", "))
-            rows.append((q.name, listed, q.unit, f"{q.low:g} to {q.high:g}", "" if q.source == JUDGEMENT else q.source))
-    return table(("quantity", "keys that determine it", "unit", "usual", "source"), rows)
+            unit = "" if q.unit == "1" else f" {q.unit}"
+            rows.append((q.name, f"{q.low:g} to {q.high:g}{unit}", "" if q.source == JUDGEMENT else q.source))
+    return table(("quantity", "usual", "source"), rows)
 
 
 def car_files_page() -> str:

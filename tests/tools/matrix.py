@@ -2,8 +2,8 @@
 
 For each version of numba, and for the lower bounds of all dependencies together, a virtual environment is made and the
 package is installed in it. A new process then imports the package, compares a friction law with its closed form and
-drives 50 steps of an environment, once for each compiler. The script prints the table of docs/compatibility.md, and its
-exit code is 1 if anything failed.
+drives 50 steps of an environment, once for each compiler. The script prints the versions and digests that
+docs/compatibility.md lists, and its exit code is 1 if anything failed.
 """
 
 import argparse

@@ -1,6 +1,6 @@
 """How sweeps scale: time of 200 drives and overhead per task, serial, in processes and on a local Dask cluster.
 
-``python tests/tools/sweep_scaling.py`` prints the tables of docs/many_machines.md. The machine should be quiet: at
+``python tests/tools/sweep_scaling.py`` prints the figures of docs/many_machines.md. The machine should be quiet: at
 least as many idle processors as workers. Required is that a Dask cluster of two workers is at least 1.7 times as fast
 as one worker on 200 drives, and that all results are equal to the bit; the exit code is 1 otherwise.
 """
