@@ -6,7 +6,7 @@ The torque of the plant reaches the motor times a gain, which a state machine mo
     STARTING  the gain rises from 0 to 1 in ``soft_start``.
     ON        gain 1.
     FADING    the gain falls to 0 in ``fade`` at most, and goes on falling whatever happens; then OFF, or FAILED.
-    FAILED    gain 0 until a new session begins.
+    FAILED    gain 0 until a new session begins, or `RealTime.resume`.
 
 From STARTING and ON it fades where no input arrived for ``hold``, where deadlines are missed, where a dead-man key is
 released, or where the motor's side reports a failure, behind which it stays FAILED. Where an input is outside its
@@ -38,7 +38,7 @@ class Limits(NamedTuple):
     hold: float = 0.02  # time without an input, after which it is stale [s]
     fade: float = 0.025  # [s]
     share: float = 1.0  # of the torsion bar's torque that the motor gives [1]
-    missed: float = 25.0  # deadlines missed in a row, a miss being forgiven for every ten that are kept [1]
+    missed: float = 25.0  # deadlines missed, of which one is forgiven for every ten that are kept [1]
 
 
 _MAY_BE_ZERO = "torque", "share"
