@@ -1,7 +1,7 @@
 """The binary of a unit: the C layer and the object code of the kernels, linked by a C compiler.
 
-For Linux the system's ``cc`` links, for Windows the compiler zig, which comes as the wheel ``ziglang``. The headers of
-FMI come with the package ``fmpy``. Both are in the extra ``fmu``.
+For Linux on x86-64 the system's ``cc`` links, for other platforms the compiler zig, which comes as the wheel
+``ziglang``. The headers of FMI come with the package ``fmpy``. Both are in the extra ``fmu``.
 """
 
 import importlib.util
@@ -23,7 +23,8 @@ from steer_env.friction.numerics.packing import pack
 from steer_env.vehicle.subsystems import Subsystem
 
 SOURCES = Path(__file__).parent / "c"
-SUFFIXES = {"linux64": "so", "win64": "dll"}
+SUFFIXES = {"linux64": "so", "win64": "dll", "aarch64": "so"}
+ZIG = {"win64": "x86_64-windows-gnu", "aarch64": "aarch64-linux-gnu.2.29"}  # platform -> its name to zig
 _FLAGS = ("-std=gnu11", "-O2", "-shared", "-fvisibility=hidden", "-Wall", "-Wextra", "-Wno-unused-parameter", "-s")
 INSTALL = "pip install '.[fmu]'"
 
@@ -52,10 +53,10 @@ def compiler(platform: str) -> list[str]:
     """
     if machine() not in ("x86_64", "AMD64"):
         raise ValueError(f"an export needs a machine with an x86-64 processor, this one has {machine()}")
-    if platform == "win64":
+    if platform in ZIG:
         if importlib.util.find_spec("ziglang") is None:
-            raise ValueError(f"win64 is linked by zig, which is not installed: {INSTALL}")
-        return [sys.executable, "-m", "ziglang", "cc", "-target", "x86_64-windows-gnu"]
+            raise ValueError(f"{platform} is linked by zig, which is not installed: {INSTALL}")
+        return [sys.executable, "-m", "ziglang", "cc", "-target", ZIG[platform]]
     if sys.platform != "linux":
         raise ValueError(f"a binary for linux64 is linked on Linux only, and this is {sys.platform}")
     found = shutil.which(os.environ.get("CC", "cc"))

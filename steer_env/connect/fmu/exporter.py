@@ -30,8 +30,8 @@ VERSIONS = (2, 3)
 ICONS = {2: "model.png", 3: "terminalsAndIcons/icon.png"}
 # Folders of the binaries, by version and platform.
 FOLDERS = {
-    2: {"linux64": "linux64", "win64": "win64"},
-    3: {"linux64": "x86_64-linux", "win64": "x86_64-windows"},
+    2: {"linux64": "linux64", "win64": "win64", "aarch64": "linux64"},  # which has none for ARM
+    3: {"linux64": "x86_64-linux", "win64": "x86_64-windows", "aarch64": "aarch64-linux"},
 }
 # Of every file in the archive. The same export gives the same bytes, but for the date in the description, which
 # SOURCE_DATE_EPOCH sets.
@@ -72,7 +72,7 @@ def export(
         Start value of the parameter ``robot``: whether the handwheel angle is prescribed, and not the hand torque.
     road_friction : float
         Friction of the road over that of the tyre measurements [1].
-    platforms : sequence of {"linux64", "win64"}
+    platforms : sequence of {"linux64", "win64", "aarch64"}
         Platforms to include binaries for.
     fmi : {2, 3}
         Version of FMI, 2.0 or 3.0.
@@ -120,6 +120,8 @@ def _checked(path: Path, subsystem: str, fmi: int, platforms: Sequence[str]) -> 
     for platform in platforms:
         one_of("platform", platform, PLATFORMS)
         binary.compiler(platform)
+    if fmi == 2 and {"linux64", "aarch64"} <= set(platforms):
+        raise ValueError("FMI 2.0 has one folder for Linux, linux64: export one unit for each processor, or FMI 3.0")
     if not platforms:
         raise ValueError(f"a unit needs a platform: {', '.join(PLATFORMS)}")
     binary.headers()

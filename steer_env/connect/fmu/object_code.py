@@ -1,4 +1,4 @@
-"""Object code of a subsystem, which an FMU contains: for a stated platform and level of x86-64 processors."""
+"""Object code of a subsystem, which an FMU contains: for a stated platform and, of x86-64, level of processors."""
 
 from typing import Any, NamedTuple
 
@@ -11,7 +11,11 @@ from steer_env.vehicle.subsystems import Subsystem
 from steer_env.vehicle.subsystems.machine_code import entry, first, require_compiled, signature
 
 FUNCTIONS = {"steer_advance": entry, "steer_begin": first}
-TRIPLES = {"linux64": "x86_64-unknown-linux-gnu", "win64": "x86_64-w64-windows-gnu"}
+TRIPLES = {
+    "linux64": "x86_64-unknown-linux-gnu",
+    "win64": "x86_64-w64-windows-gnu",
+    "aarch64": "aarch64-unknown-linux-gnu",
+}
 PLATFORMS = tuple(TRIPLES)
 # Feature of LLVM -> where the instruction ``cpuid`` reports it: leaf, register (a, b, c, d) and bit; sub-leaf 0.
 # Source: Intel 64 and IA-32 Architectures Software Developer's Manual, volume 2, CPUID; AMD64 volume 3 for 0x80000001.
@@ -122,9 +126,8 @@ def object_code(module: str, platform: str, processor: Processor) -> bytes:
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
     target = llvm.Target.from_triple(TRIPLES[platform])
-    machine = target.create_target_machine(
-        cpu="x86-64", features=processor.for_llvm(), opt=3, reloc="pic", codemodel="default"
-    )
+    kind = ("generic", "") if platform == "aarch64" else ("x86-64", processor.for_llvm())
+    machine = target.create_target_machine(*kind, opt=3, reloc="pic", codemodel="default")
     parsed = llvm.parse_assembly(module)
     parsed.triple = machine.triple
     parsed.data_layout = str(machine.target_data)

@@ -2,11 +2,13 @@
 
 #include "unit.h"
 
-#include <cpuid.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#ifdef __x86_64__
+#include <cpuid.h>
+#endif
 
 static const uint64_t MARK = 0x7374656572756e69u;
 static const double SAMPLE = 1e-3;         /* s */
@@ -27,6 +29,7 @@ int unit_refuse(struct instance *c, const char *format, ...)
 /* Whether this processor, and the operating system, offer what the code was made for. */
 static int processor_suits(void)
 {
+#ifdef __x86_64__
     for (unsigned i = 0; i < unit.requirement_count; i++) {
         const struct requirement *r = &unit.requirements[i];
         unsigned a, b, c, d;
@@ -46,6 +49,7 @@ static int processor_suits(void)
                 return 0;
         }
     }
+#endif
     return 1;
 }
 

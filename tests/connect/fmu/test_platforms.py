@@ -1,15 +1,17 @@
-"""The binary for Windows, which zig links, and where wine is installed also its run."""
+"""Binaries for other platforms, which zig links; where wine or qemu is installed, also their runs."""
 
 import os
 import shutil
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from steer_env.connect import fmu
+from steer_env.connect.fmu import binary
 
 fmpy = pytest.importorskip("fmpy", reason="the extra fmu is not installed")
 validation = pytest.importorskip("fmpy.validation", reason="the extra fmu is not installed")
@@ -20,6 +22,8 @@ if shutil.which("cc") is None:
 pytestmark = pytest.mark.whole
 
 WINE = shutil.which("wine64") or shutil.which("wine")
+ARM = Path("/usr/aarch64-linux-gnu")  # the C library, of Debian's libc6-arm64-cross
+QEMU = shutil.which("qemu-aarch64") or shutil.which("qemu-aarch64-static") if ARM.is_dir() else None
 SAMPLES = 60_000
 LIMIT = 300  # of a call, the first of which makes wine's folder of settings in some ten seconds [s]
 OUTPUTS = ("handwheel_angle", "handwheel_torque", "motor_torque", "yaw_rate", "lateral_acceleration")
@@ -71,19 +75,58 @@ def test_the_library_runs_under_wine(unpacked, tmp_path):
     # Settings of its own, nothing on a screen, and no offer to install .NET or a browser.
     wine = {"WINEPREFIX": str(tmp_path / "wine"), "WINEDEBUG": "-all", "WINEDLLOVERRIDES": "mscoree,mshtml="}
     options = {"env": {**os.environ, **wine, "DISPLAY": ""}, "timeout": LIMIT, "stdin": subprocess.DEVNULL}
-    references = {v.name: v.valueReference for v in description.modelVariables}
     found = {}
     for (platform, program), suffix in zip(programs.items(), ("dll", "so")):
         library = folder / "binaries" / platform / f"{description.coSimulation.modelIdentifier}.{suffix}"
-        wanted = [str(references[name]) for name in ("hand_torque", *OUTPUTS)]
-        called = [*program, library, description.guid]
-        checked = subprocess.run([*called, "check", "1000", "20"], stdout=subprocess.PIPE, **options)
-        assert checked.returncode == 0, checked.stdout
-        lines = subprocess.check_output([*called, "print", str(SAMPLES), *wanted], text=True, **options)
-        found[platform] = np.array([[float.fromhex(word) for word in line.split()] for line in lines.splitlines()])
-    assert found["win64"].shape == (SAMPLES, len(OUTPUTS))
-    span = np.ptp(found["linux64"], axis=0)
+        checked = subprocess.run([*program, library, description.guid, "check", "1000", "20"], **options)
+        assert checked.returncode == 0
+        found[platform] = driven(program, library, description, SAMPLES, **options)
+    assert apart(found["win64"], found["linux64"]) < 1e-9
+
+
+def driven(program, library, description, samples, **options):
+    """Outputs (T, K) of a library under a sine of the hand torque."""
+    references = {v.name: v.valueReference for v in description.modelVariables}
+    wanted = [str(references[name]) for name in ("hand_torque", *OUTPUTS)]
+    called = [*program, library, description.guid, "print", str(samples), *wanted]
+    lines = subprocess.check_output(called, text=True, **options).splitlines()
+    found = np.array([[float.fromhex(word) for word in line.split()] for line in lines])
+    assert found.shape == (samples, len(OUTPUTS))
+    return found
+
+
+def apart(one, other):
+    """Largest difference over the span of its channel."""
+    span = np.ptp(other, axis=0)
     assert (span > 0.0).all()
-    worst = np.abs(found["win64"] - found["linux64"]).max(axis=0) / span
+    worst = np.abs(one - other).max(axis=0) / span
     print("worst difference over the span:", dict(zip(OUTPUTS, worst)))
-    assert worst.max() < 1e-9
+    return worst.max()
+
+
+@pytest.mark.parametrize("chassis", ["single_track", "two_track"])
+def test_arm_computes_what_x86_computes(chassis, tmp_path):
+    """Ten seconds under an emulator, where there is one; otherwise the library is only made."""
+    zig = [sys.executable, "-m", "ziglang", "cc", "-target", binary.ZIG["aarch64"]]
+    found = {}
+    for platform, compiler, emulator in (("linux64", ["cc"], []), ("aarch64", zig, [QEMU, "-L", ARM])):
+        path = fmu.export(tmp_path / f"{platform}.fmu", platforms=[platform], chassis=chassis)
+        assert validation.validate_fmu(str(path)) == []
+        fmpy.extract(str(path), str(tmp_path / platform))
+        description = fmpy.read_model_description(str(path))
+        library = tmp_path / platform / "binaries" / "linux64" / f"{description.coSimulation.modelIdentifier}.so"
+        assert int.from_bytes(library.read_bytes()[18:20], "little") == {"linux64": 0x3E, "aarch64": 0xB7}[platform]
+        if platform == "linux64" or QEMU:
+            program = [*emulator, built(tmp_path, compiler, f"harness-{platform}", "-O1", "-lm", "-ldl")]
+            found[platform] = driven(program, library, description, 10_000)
+    if QEMU:
+        assert apart(found["aarch64"], found["linux64"]) < 1e-12
+
+
+def test_fmi_2_has_one_folder_for_linux(tmp_path):
+    with pytest.raises(ValueError, match=r"export one unit for each processor, or FMI 3\.0"):
+        fmu.export(tmp_path / "car.fmu", platforms=["linux64", "aarch64"])
+    path = fmu.export(tmp_path / "car.fmu", platforms=["linux64", "aarch64"], fmi=3)
+    assert {"x86_64-linux", "aarch64-linux"} <= {
+        name.split("/")[1] for name in zipfile.ZipFile(path).namelist() if "/" in name
+    }
