@@ -10,7 +10,7 @@ from steer_env.experiments.pages import car_options
 GROUP = "couple"
 
 # As in steer_env.connect.fmu, whose import takes long.
-PLATFORMS = ("linux64", "win64")
+PLATFORMS = ("linux64", "win64", "aarch64", "macos")
 VERSIONS = (2, 3)
 PROCESSORS = ("x86-64", "x86-64-v2", "x86-64-v3", "x86-64-v4", "native")
 

@@ -17,14 +17,12 @@ from platform import machine
 
 import numpy as np
 
-from steer_env.connect.fmu.object_code import Processor
+from steer_env.connect.fmu.object_code import PLATFORMS, Processor
 from steer_env.connect.fmu.variables import Variable
 from steer_env.friction.numerics.packing import pack
 from steer_env.vehicle.subsystems import Subsystem
 
 SOURCES = Path(__file__).parent / "c"
-SUFFIXES = {"linux64": "so", "win64": "dll", "aarch64": "so"}
-ZIG = {"win64": "x86_64-windows-gnu", "aarch64": "aarch64-linux-gnu.2.29"}  # platform -> its name to zig
 _FLAGS = ("-std=gnu11", "-O2", "-shared", "-fvisibility=hidden", "-Wall", "-Wextra", "-Wno-unused-parameter", "-s")
 INSTALL = "pip install '.[fmu]'"
 
@@ -53,10 +51,10 @@ def compiler(platform: str) -> list[str]:
     """
     if machine() not in ("x86_64", "AMD64"):
         raise ValueError(f"an export needs a machine with an x86-64 processor, this one has {machine()}")
-    if platform in ZIG:
+    if PLATFORMS[platform].zig:
         if importlib.util.find_spec("ziglang") is None:
             raise ValueError(f"{platform} is linked by zig, which is not installed: {INSTALL}")
-        return [sys.executable, "-m", "ziglang", "cc", "-target", ZIG[platform]]
+        return [sys.executable, "-m", "ziglang", "cc", "-target", PLATFORMS[platform].zig]
     if sys.platform != "linux":
         raise ValueError(f"a binary for linux64 is linked on Linux only, and this is {sys.platform}")
     found = shutil.which(os.environ.get("CC", "cc"))
@@ -69,7 +67,7 @@ def compiler(platform: str) -> list[str]:
 
 
 def link(platform: str, version: int, data: str, kernels: bytes, name: str, folder: Path) -> Path:
-    """The binary ``name.so`` or ``name.dll`` in a folder, from C data and the object code of the kernels.
+    """The shared library of a name in a folder, from C data and the object code of the kernels.
 
     Raises
     ------
@@ -77,7 +75,7 @@ def link(platform: str, version: int, data: str, kernels: bytes, name: str, fold
         No compiler, no headers, or a compiler that fails; the message has what it says.
     """
     command = compiler(platform)
-    binary = folder / f"{name}.{SUFFIXES[platform]}"
+    binary = folder / f"{name}.{PLATFORMS[platform].suffix}"
     (folder / "data.c").write_text(data, encoding="utf-8")
     (folder / "kernels.o").write_bytes(kernels)
     files = (SOURCES / "core.c", SOURCES / f"fmi{version}.c", folder / "data.c", folder / "kernels.o")

@@ -28,11 +28,6 @@ from steer_env.vehicle.subsystems import Subsystem
 
 VERSIONS = (2, 3)
 ICONS = {2: "model.png", 3: "terminalsAndIcons/icon.png"}
-# Folders of the binaries, by version and platform.
-FOLDERS = {
-    2: {"linux64": "linux64", "win64": "win64", "aarch64": "linux64"},  # which has none for ARM
-    3: {"linux64": "x86_64-linux", "win64": "x86_64-windows", "aarch64": "aarch64-linux"},
-}
 # Of every file in the archive. The same export gives the same bytes, but for the date in the description, which
 # SOURCE_DATE_EPOCH sets.
 _DATE = (1980, 1, 1, 0, 0, 0)
@@ -72,7 +67,7 @@ def export(
         Start value of the parameter ``robot``: whether the handwheel angle is prescribed, and not the hand torque.
     road_friction : float
         Friction of the road over that of the tyre measurements [1].
-    platforms : sequence of {"linux64", "win64", "aarch64"}
+    platforms : sequence of {"linux64", "win64", "aarch64", "macos"}
         Platforms to include binaries for.
     fmi : {2, 3}
         Version of FMI, 2.0 or 3.0.
@@ -165,7 +160,7 @@ def _files(
     for platform, code in objects.items():
         with tempfile.TemporaryDirectory() as folder:
             linked = binary.link(platform, version, data, code, identifier, Path(folder))
-            files[f"binaries/{FOLDERS[version][platform]}/{linked.name}"] = linked.read_bytes()
+            files[f"binaries/{PLATFORMS[platform].folders[version]}/{linked.name}"] = linked.read_bytes()
     return files
 
 

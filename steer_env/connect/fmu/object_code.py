@@ -11,12 +11,26 @@ from steer_env.vehicle.subsystems import Subsystem
 from steer_env.vehicle.subsystems.machine_code import entry, first, require_compiled, signature
 
 FUNCTIONS = {"steer_advance": entry, "steer_begin": first}
-TRIPLES = {
-    "linux64": "x86_64-unknown-linux-gnu",
-    "win64": "x86_64-w64-windows-gnu",
-    "aarch64": "aarch64-unknown-linux-gnu",
+
+
+class Platform(NamedTuple):
+    """A machine for which an FMU has a binary."""
+
+    triple: str  # by which LLVM knows it
+    zig: str  # by which zig knows it; empty where the system's compiler links
+    suffix: str  # of a shared library
+    folders: dict[int, str]  # of the binary, by version of FMI
+
+
+PLATFORMS = {
+    "linux64": Platform("x86_64-unknown-linux-gnu", "", "so", {2: "linux64", 3: "x86_64-linux"}),
+    "win64": Platform("x86_64-w64-windows-gnu", "x86_64-windows-gnu", "dll", {2: "win64", 3: "x86_64-windows"}),
+    # FMI 2.0 has no folders for ARM: importers there look into those of 64 bit.
+    "aarch64": Platform(
+        "aarch64-unknown-linux-gnu", "aarch64-linux-gnu.2.29", "so", {2: "linux64", 3: "aarch64-linux"}
+    ),
+    "macos": Platform("arm64-apple-macosx11.0", "aarch64-macos.11.0", "dylib", {2: "darwin64", 3: "aarch64-darwin"}),
 }
-PLATFORMS = tuple(TRIPLES)
 # Feature of LLVM -> where the instruction ``cpuid`` reports it: leaf, register (a, b, c, d) and bit; sub-leaf 0.
 # Source: Intel 64 and IA-32 Architectures Software Developer's Manual, volume 2, CPUID; AMD64 volume 3 for 0x80000001.
 FEATURES = {
@@ -125,8 +139,9 @@ def object_code(module: str, platform: str, processor: Processor) -> bytes:
     """Object file of a module for one of ``PLATFORMS``."""
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
-    target = llvm.Target.from_triple(TRIPLES[platform])
-    kind = ("generic", "") if platform == "aarch64" else ("x86-64", processor.for_llvm())
+    triple = PLATFORMS[platform].triple
+    target = llvm.Target.from_triple(triple)
+    kind = ("x86-64", processor.for_llvm()) if triple.startswith("x86_64") else ("generic", "")
     machine = target.create_target_machine(*kind, opt=3, reloc="pic", codemodel="default")
     parsed = llvm.parse_assembly(module)
     parsed.triple = machine.triple

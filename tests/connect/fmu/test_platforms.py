@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from steer_env.connect import fmu
-from steer_env.connect.fmu import binary
+from steer_env.connect.fmu.object_code import PLATFORMS
 
 fmpy = pytest.importorskip("fmpy", reason="the extra fmu is not installed")
 validation = pytest.importorskip("fmpy.validation", reason="the extra fmu is not installed")
@@ -107,7 +107,7 @@ def apart(one, other):
 @pytest.mark.parametrize("chassis", ["single_track", "two_track"])
 def test_arm_computes_what_x86_computes(chassis, tmp_path):
     """Ten seconds under an emulator, where there is one; otherwise the library is only made."""
-    zig = [sys.executable, "-m", "ziglang", "cc", "-target", binary.ZIG["aarch64"]]
+    zig = [sys.executable, "-m", "ziglang", "cc", "-target", PLATFORMS["aarch64"].zig]
     found = {}
     for platform, compiler, emulator in (("linux64", ["cc"], []), ("aarch64", zig, [QEMU, "-L", ARM])):
         path = fmu.export(tmp_path / f"{platform}.fmu", platforms=[platform], chassis=chassis)
@@ -121,6 +121,17 @@ def test_arm_computes_what_x86_computes(chassis, tmp_path):
             found[platform] = driven(program, library, description, 10_000)
     if QEMU:
         assert apart(found["aarch64"], found["linux64"]) < 1e-12
+
+
+def test_the_library_for_macos_is_linked(tmp_path):
+    """Nobody ran it."""
+    path = fmu.export(tmp_path / "car.fmu", platforms=["macos"], fmi=3)
+    assert validation.validate_fmu(str(path)) == []
+    with zipfile.ZipFile(path) as archive:
+        (name,) = (name for name in archive.namelist() if name.endswith(".dylib"))
+        assert name.startswith("binaries/aarch64-darwin/")
+        head = archive.read(name)[:8]
+    assert head == bytes.fromhex("cffaedfe0c000001")  # Mach-O of 64 bit, ARM of 64 bit
 
 
 def test_fmi_2_has_one_folder_for_linux(tmp_path):
