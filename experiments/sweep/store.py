@@ -95,6 +95,9 @@ class Store:
         try:
             part.write_bytes(hashlib.sha256(result).digest() + result)
             os.replace(part, self.directory / f"{key}{SUFFIX}")
+        except OSError as error:  # a full disk has no name
+            error.filename = error.filename or str(self.directory)
+            raise
         finally:
             part.unlink(missing_ok=True)
 

@@ -174,6 +174,9 @@ def write(recording: Recording, path: str | os.PathLike[str], *, digits: int | N
         os.replace(part, path)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
+    except OSError as error:  # a full disk has no name
+        error.filename = error.filename or str(path)
+        raise
     finally:
         part.unlink(missing_ok=True)
 

@@ -4,6 +4,7 @@ import csv
 import json
 import os
 import re
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +14,9 @@ from scipy import stats
 from steer_env import friction, metrics
 from steer_env.experiments import sweep
 from steer_env.experiments.cli.common import tables
+from steer_env.experiments.cli.main import main
 from steer_env.experiments.pages import options, pages, pictures, provenance, style, words
-from steer_env.experiments.pages.files import replaced_directory
+from steer_env.experiments.pages.files import replaced_directory, write_text
 from steer_env.experiments.pages.words import number
 from steer_env.experiments.reports import report
 from steer_env.experiments.studies.common import battery
@@ -23,6 +25,31 @@ from steer_env.vehicle import cars
 
 CONTENTS = report.CONTENTS
 ROOT = Path(__file__).parents[2]
+
+
+@contextmanager
+def no_room(size):
+    """Files take no more than so many bytes, as on a disk that is full."""
+    resource = pytest.importorskip("resource", reason="this system has no such limit")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def test_a_full_disk_is_told_with_the_file_that_found_no_room(tmp_path, capsys):
+    store = sweep.Store(tmp_path / "store", {})
+    with no_room(1000):
+        code = main(["run", "rig", "--out", str(tmp_path / "rig.csv")])
+        with pytest.raises(OSError, match=r"File too large: .*store"):
+            store.save("a", bytes(2000))
+        with pytest.raises(OSError, match=r"File too large: .*page"):
+            write_text(tmp_path / "page.html", "x" * 2000)
+    assert code == 2
+    assert f"steer-env run: {tmp_path / 'rig.csv'}: File too large" in capsys.readouterr().err
+    assert [each.name for each in tmp_path.iterdir()] == ["store"]
 
 
 def _response(p):
