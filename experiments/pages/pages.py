@@ -1,7 +1,8 @@
 """From results to a page: a template of the folder ``templates`` and what it says; beside it the numbers as JSON.
 
-Every template extends ``base.html.j2``; sentences, tables and captions stand in templates. A page whose verdict is to
-be quoted has its sentences in elements of the class ``finding``.
+Every template extends ``base.html.j2``; sentences, tables and captions stand in templates, unless a report makes them
+beside its numbers. A report is ``reports/NAME.py`` or ``studies/NAME.py``, its template ``templates/NAME.html.j2``. A
+page whose verdict is to be quoted has its sentences in elements of the class ``finding``.
 """
 
 import argparse

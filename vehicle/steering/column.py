@@ -128,6 +128,7 @@ def step(c, friction, scales, q, memory, robot, hand, hand_speed, T_C, h):
         S -= K * K / a11  # (C5)
         R += K / a11 * (r1 + hand)  # (C5)
     torque_scale = chosen(friction, scales, memory, R, h)  # (F11)
+    # (C2) with all but the friction's torque in S and R: S w2 + T_F = R
     w2, T_F = law_step(friction, torque_scale, memory, S, R, h, q[COLUMN_SPEED])
     if robot:
         # (C7)
