@@ -19,6 +19,7 @@ from steer_env.vehicle.subsystems.subsystem import Signal, Subsystem, channel_si
 SECTIONS = ("chassis", "tyre")
 MOST = (1.0, 10.0)  # travel [m] and speed [m/s] that are taken; far beyond those of a rack, assumed
 NO_STOP = 1e9  # travel that no rack reaches [m]
+HELD_SPEED = ("chassis.v_x", "chassis.body.speed")  # names of the parameter, by chassis
 _NOT_HERE = ("assist_request", "rack_disturbance")
 _RACK_FORCE = plant.CHANNEL["rack_force"]
 

@@ -13,10 +13,11 @@ from importlib import metadata
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
-from steer_env.connect.fmu.variables import HELD_SPEED, Variable
+from steer_env.connect.fmu.variables import Variable
 from steer_env.vehicle.chassis.common.interface import WHEELS
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 from steer_env.vehicle.subsystems import Subsystem
+from steer_env.vehicle.subsystems.chassis import HELD_SPEED
 
 # Unit -> powers of the base units.
 _KNOWN: dict[str, dict[str, int]] = {

@@ -22,12 +22,12 @@ from steer_env.vehicle.chassis.two_track.parameters import Body
 from steer_env.vehicle.keys import Key, declared_keys
 from steer_env.vehicle.road import FRICTION, HEIGHT, Road, WheelRoad
 from steer_env.vehicle.subsystems import Subsystem
+from steer_env.vehicle.subsystems.chassis import HELD_SPEED
 from steer_env.vehicle.tyre.coefficients import MagicFormula
 
 # Sections whose parameters may change while the unit runs; those of the others belong to the settled start.
 TUNABLE = ("column", "assist", "friction", "level", "friction_load", "friction_torque_scale", "robot")
 AXES = ("speeds", "torques")  # of tables: their values have to ascend, which a single value cannot keep
-HELD_SPEED = ("chassis.v_x", "chassis.body.speed")
 _MU = ("chassis.mu", "chassis.body.mu")
 BOOLEAN = ("robot",)
 # Bounds of the inputs that are the road under each wheel, by the start of their names; that of the slope is assumed.
