@@ -65,7 +65,7 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
     slip = slip_speeds(d, ground, steer, omega)
     forces = tyre_forces(p, c, wheels, ground, slip, x, dx)
     if d.compliance_steer_r != 0.0:
-        # The compliance steer needs the force first; the damping at standstill has used the slip without it.
+        # (B11) needs the force first; the damping at standstill has used the slip without it.
         steer = steer + per_axle(0.0, d.compliance_steer_r) * forces.F_y
         slip = slip_speeds(d, ground, steer, omega)
     slip_rates(d, c, forces, ground.F_z, slip, x, dx)
