@@ -1,7 +1,7 @@
 """Kill commands at random moments and resume them: the result is that of a run that nobody disturbed.
 
 ``python tests/tools/kills.py --kills 200 --seed 0`` takes one command after the other, each with a cache folder of its
-own. It is started, killed after a random time, resumed and killed again, until it ends. A command fails where it does
+own but for the kernels. It is started, killed after a random time, resumed and killed again, until it ends. A command fails where it does
 not resume, its result differs, or processes are left 10 s after a kill. Every other kill is of the command's process
 alone, which leaves its workers to themselves.
 """
@@ -24,6 +24,7 @@ ROOT = Path(__file__).parents[2]
 STEER_ENV = (sys.executable, "-c", "import sys; from steer_env.experiments.cli.main import main; sys.exit(main())")
 WORKERS = ("--workers", "2")
 POLICY = str(ROOT / "experiments" / "data" / "policies" / "DriverOnCentre-v1" / "policy.zip")
+KERNELS = Path(tempfile.gettempdir()) / "steer-env-kills"  # compiled code, which the commands share
 GONE = 10.0  # time in which the workers of a killed command end [s]
 TIMES = {"computing_time", "created", "date", "seconds", "timing", "trace", "times"}  # in JSON: differ in every run
 
@@ -91,7 +92,7 @@ def started(command: Command, folder: Path, resume: bool) -> "subprocess.Popen[s
     return subprocess.Popen(
         [*command.words, *out, *(["--resume"] if resume else [])],
         cwd=ROOT,
-        env={**os.environ, "XDG_CACHE_HOME": str(folder), "STEER_ENV_QUIET": "1"},
+        env={**os.environ, "XDG_CACHE_HOME": str(folder), "NUMBA_CACHE_DIR": str(KERNELS), "STEER_ENV_QUIET": "1"},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
