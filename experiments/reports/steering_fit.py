@@ -33,8 +33,8 @@ from steer_env.vehicle.chassis.common.interface import SPEED_MAX, SPEED_MIN, TAR
 
 ROWS = 10  # of the first table
 FADE = 2.0  # from straight ahead to the angle of the drive ...
-RUN_IN = 10.0  # ... and from there to the first sample that judges, so that the car follows [s]
-LONGEST = 600.0  # of the judging part that a car is driven through [s]
+RUN_IN = 10.0  # ... and from there to the first sample that judges, so that the car follows; both assumed [s]
+LONGEST = 600.0  # of the judging part that a car is driven through, assumed [s]
 SECONDS = 30.0  # of the judging part that are drawn over time [s]
 POINTS = 1500  # of a picture, at most
 TITLES = {NONE: "no damping, no friction", VISCOUS: "damping alone (viscous)"}

@@ -20,7 +20,9 @@ from steer_env.recording.table import Table, Values, column, label
 
 LONGEST_NAME = 63  # longest name of a MATLAB variable [characters]
 _READER = """
-import pickle, sys
+import sys
+sys.path[:] = sys.argv[2:]  # without the working directory, whose modules are the user's
+import pickle
 from scipy import io
 try:
     found = io.loadmat(sys.argv[1], simplify_cells=True, appendmat=False)
@@ -63,7 +65,7 @@ def open_table(path: str | PathLike[str]) -> Table:
 
 def _before_73(path: str | PathLike[str]) -> dict[str, Any]:
     """The variables of a file before v7.3 by name, read in a process of its own: damaged files may crash the reader."""
-    read = subprocess.run([sys.executable, "-c", _READER, str(path)], capture_output=True, check=False)
+    read = subprocess.run([sys.executable, "-c", _READER, str(path), *sys.path], capture_output=True, check=False)
     if read.returncode:
         reason = read.stderr.decode(errors="replace").strip() or "the reader crashed"
         raise ValueError(f"cannot be read as a MATLAB file ({reason}); is it complete?")

@@ -3,6 +3,7 @@
 import dataclasses
 import gzip
 import os
+import sys
 
 import numpy as np
 import pytest
@@ -90,6 +91,14 @@ def test_nested_meta_survives(weave, tmp_path, suffix):
     assert back == written.meta
     assert back["trace"]["car"]["doors"] == 4
     assert back["list"] == "[1, 2]"
+
+
+def test_a_module_beside_a_matlab_file_is_not_run(tmp_path, monkeypatch):
+    write(Recording(np.arange(2.0), {}, {}, {"a": 1}), tmp_path / "run.mat")
+    (tmp_path / "pickle.py").write_text("raise SystemExit('it ran')")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.path", [each for each in sys.path if each])
+    assert read("run.mat").meta["a"] == 1
 
 
 def test_a_matlab_file_that_crashes_its_reader_is_refused(tmp_path):
