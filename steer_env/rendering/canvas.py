@@ -2,6 +2,7 @@
 
 import math
 import os
+import warnings
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
@@ -183,7 +184,9 @@ class Canvas:
         pygame = self._pygame
         full = pygame.SCALED | pygame.FULLSCREEN
         size = (self.width, self.height)
-        self._window = pygame.display.set_mode(size, 0 if self._window.get_flags() & pygame.FULLSCREEN else full)
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "no fast renderer")  # the processor scales it then
+            self._window = pygame.display.set_mode(size, 0 if self._window.get_flags() & pygame.FULLSCREEN else full)
 
     def flip(self, period: float) -> None:
         """Show the picture in the open window, at least ``period`` [s] after the last."""

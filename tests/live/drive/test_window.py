@@ -101,6 +101,23 @@ def test_the_wanted_angle_is_a_mark_on_the_rim():
     assert seen(drawn(wanted=0.4), WANTED, DIAL) > 20
 
 
+def test_f11_fills_the_screen_and_ends_that():
+    pygame = pytest.importorskip("pygame")
+    car = cars.load("compact")
+    made = Window(Scene("plain", car), [car])
+    made.open()
+    try:
+        for full in (True, False):
+            pygame.event.clear()
+            pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=pygame.K_F11))
+            assert not made.events()[1]
+            surface = pygame.display.get_surface()
+            assert surface.get_size() == (WIDTH, HEIGHT)
+            assert bool(surface.get_flags() & pygame.FULLSCREEN) == full
+    finally:
+        made.close()
+
+
 @pytest.mark.parametrize("course", COURSES[1:])
 def test_cones_are_drawn_and_change_where_they_are_touched(course):
     assert seen(drawn(course, x=FIRST), CONE, ROAD) > 100
