@@ -37,6 +37,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     options.add(parser, "--torque-limit", ", only with --free-running", otherwise=f"{TORQUE:g}")
     options.add(parser, "--wheel", "; only with --free-running")
     options.add(parser, "--priority", ", only with --free-running", 0, otherwise="that of every program")
+    options.add_telemetry(parser)
     text = f"seconds without a packet after which a session ends (default: {SILENCE:.0f})"
     parser.add_argument("--silence", metavar="S", type=options.real, default=SILENCE, help=text)
     text = "print the layout of the packets and end; c is a header file"
@@ -51,8 +52,13 @@ def run(args: argparse.Namespace) -> None:
     from steer_env.connect.udp.server import MEANINGS
     from steer_env.friction.numerics.check import number
     from steer_env.live.real_time import Limits, haptics
+    from steer_env.live.telemetry import Telemetry
     from steer_env.vehicle import subsystems
 
+    receivers = {"outsim": args.outsim, "outgauge": args.outgauge}
+    if args.subsystem == "steering" and any(receivers.values()):
+        given = ", ".join(f"--{name}" for name, address in receivers.items() if address)
+        raise ValueError(f"{given}: the steering alone does not move: serve the car or the chassis")
     silence = number("--silence", args.silence, minimum=0.0, above=True, maximum=1e6)
     speed = args.speed_kph * KPH
     robot = args.hands == "angle"
@@ -75,7 +81,7 @@ def run(args: argparse.Namespace) -> None:
         subsystem, args.address, args.port, silence, mode=mode, limits=limits, priority=args.priority
     )
     try:
-        with server:
+        with server, Telemetry(server.shown, **receivers):
             _announce(args, server, found)
             server.wait()
     except KeyboardInterrupt:  # how a server ends

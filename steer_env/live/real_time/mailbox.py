@@ -21,6 +21,7 @@ from steer_env.live.real_time.loop import NEVER, PERIOD, register
 from steer_env.live.real_time.model import subsystem_of
 from steer_env.live.real_time.safety import FAILED, PHASES
 from steer_env.live.real_time.system import fence
+from steer_env.vehicle.steering.eps import SAMPLE_TIME
 from steer_env.vehicle.subsystems import Subsystem
 
 # Time without a sample behind which the loop counts as dead [ns]. A loop that goes on after so long a pause begins with
@@ -173,15 +174,27 @@ class Mailboxes:
         The torque is zero where the loop has written nothing for ``LIFELESS``, and the phase is failed where it has
         ended amid a sample.
         """
+        _, values, written = self._last()
+        if written is None:
+            return 0.0, PHASES[FAILED], values[2:]
+        torque = float(values[0]) if self._clock() - written <= LIFELESS else 0.0
+        return torque, PHASES[int(values[1])], values[2:]
+
+    def sample(self) -> tuple[float, NDArray[np.float64]]:
+        """The time of the last sample since the begin [s], and its outputs (C,)."""
+        number, values, _ = self._last()
+        return SAMPLE_TIME * number, values[2:]
+
+    def _last(self) -> tuple[int, NDArray[np.float64], int | None]:
+        """Number, contents and time [ns] of the last sample; None where the loop has ended amid it."""
         box, begun = self.device, time.monotonic_ns()
         while True:
             count = int(box.count_out[0])
             values, written = box.outputs.copy(), int(box.stamp_out[0])
             if count % 2 == 0 and box.count_out[0] == count:
-                torque = float(values[0]) if self._clock() - written <= LIFELESS else 0.0
-                return torque, PHASES[int(values[1])], values[2:]
+                return count // 2, values, written
             if time.monotonic_ns() - begun > LIFELESS:
-                return 0.0, PHASES[FAILED], values[2:]
+                return count // 2, values, None
 
     def fail(self) -> None:
         """Tell the loop that the motor cannot be reached, so that its torque fades out."""
