@@ -1,6 +1,7 @@
 """The layout of the packets of a subsystem, for those who write the other end: as text, JSON, or a header for C."""
 
 import json
+import math
 from collections.abc import Iterable
 from typing import Any
 
@@ -75,9 +76,20 @@ def _offset(name: str) -> int:
 
 def _signals(signals: Iterable[Signal]) -> list[dict[str, Any]]:
     return [
-        {"offset": HEADER_SIZE + 8 * i, "name": s.name, "unit": s.unit, "meaning": s.description}
+        {"offset": HEADER_SIZE + 8 * i, "name": s.name, "unit": s.unit, "meaning": s.description, **_bounds(s)}
         for i, s in enumerate(signals)
     ]
+
+
+def _bounds(s: Any) -> dict[str, float]:
+    """Least and largest value, where there are such."""
+    return {name: bound for name, bound in (("low", s.low), ("high", s.high)) if math.isfinite(bound)}
+
+
+def _within(entry: dict[str, Any]) -> str:
+    """The bounds of an entry in words."""
+    words = (("low", "at least"), ("high", "at most"))
+    return "".join(f"; {text} {entry[name]:.6g}" for name, text in words if name in entry)
 
 
 def _json(layout: Layout) -> str:
@@ -100,6 +112,7 @@ def _text(layout: Layout) -> str:
         lines += ["", title]
         lines += [
             f"{e['offset']:6d}  float64  {e['name']:{width}s}  {e['unit']:{units}s}  {e['meaning']}"
+            + _within(e)
             + (f"; {e['start']:.6g} at the start" if e.get("start") else "")
             for e in entries
         ]

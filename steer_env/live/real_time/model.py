@@ -35,7 +35,8 @@ class Model(NamedTuple):
     given: Array  # (G,) inputs that act, in the units of the subsystem
     wanted: Array  # (G,) inputs as they arrived last, in real time
     stale: NDArray[np.int64]  # (G,) what becomes of each that no longer arrives: FADES, HOLDS or STOPS
-    largest: Array  # (G,) size of each beyond which it is not taken
+    low: Array  # (G,) least value of each, below which it is not taken
+    high: Array  # (G,) largest value of each
     outputs: Array  # (1, C) in the units of the subsystem
     last: Array  # (C,) outputs before the step, to return to as well
     inputs: Array  # (1, I) what the kernel receives in a sample
@@ -64,8 +65,9 @@ def model_of(source: "Subsystem | CarConfigurations") -> Model:
     begin[: len(subsystem.given)] = [signal.start for signal in subsystem.given]
     stale = np.full(subsystem.given_size, FADES)
     stale[: len(subsystem.given)] = [_STALE.get(signal.name, FADES) for signal in subsystem.given]
-    largest = np.full(subsystem.given_size, math.inf)
-    largest[: len(subsystem.given)] = [max(-signal.low, signal.high) for signal in subsystem.given]
+    low, high = (np.full(subsystem.given_size, bound) for bound in (-math.inf, math.inf))
+    low[: len(subsystem.given)] = [signal.low for signal in subsystem.given]
+    high[: len(subsystem.given)] = [signal.high for signal in subsystem.given]
     names, given = ([signal.name for signal in signals] for signals in (subsystem.outputs, subsystem.given))
     shown = subsystem.shown.reshape(1, -1).copy()
     return Model(
@@ -74,7 +76,8 @@ def model_of(source: "Subsystem | CarConfigurations") -> Model:
         given=begin.copy(),
         wanted=begin.copy(),
         stale=stale,
-        largest=largest,
+        low=low,
+        high=high,
         outputs=shown.copy(),
         last=shown[0].copy(),
         inputs=np.zeros((1, subsystem.inputs)),
@@ -122,9 +125,9 @@ def step(model, samples):
 
 @kernel
 def implausible(model, inputs):
-    """Number of the first input that is not finite or too large; -1 where there is none."""
+    """Number of the first input that is not finite or outside its bounds; -1 where there is none."""
     for i in range(inputs.size):
-        if not (abs(inputs[i]) <= model.largest[i] and abs(inputs[i]) < math.inf):
+        if not (model.low[i] <= inputs[i] <= model.high[i] and abs(inputs[i]) < math.inf):
             return i
     return -1
 

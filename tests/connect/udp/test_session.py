@@ -129,6 +129,18 @@ def test_an_input_that_makes_no_sense_is_named(served, value):
     assert served.ask("step", 1)["kind"] == KINDS["stepped"]
 
 
+@pytest.mark.parametrize(("name", "value"), [("throttle_request", -0.01), ("coast", 1.5), ("brake_request", -1.0)])
+def test_the_bounds_of_an_input_are_those_that_are_declared(name, value):
+    direct = Direct("car", chassis="two_track")
+    place = [signal.name for signal in direct.subsystem.given].index(name)
+    direct.ask("open", 0)
+    for given, expected in ((value, False), (0.5, True)):
+        inputs = direct.inputs.copy()
+        inputs[place] = given
+        answer = direct.ask("step", 1, inputs=inputs)
+        assert answer["kind"] == KINDS["stepped"] if expected else refused(answer, "value", place)
+
+
 @pytest.mark.parametrize("samples", [0, 10_001, 2**32 - 1])
 def test_length_of_a_step(served, samples):
     assert refused(served.ask("step", 1, samples=samples), "samples")
