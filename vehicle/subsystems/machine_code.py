@@ -9,16 +9,17 @@ shapes of all arrays are constants in it. ``finite`` receives 0 where a state ha
 the function itself is 0; numba's calling convention gives other values to exceptions, of which the kernels have none.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from llvmlite import ir
 from numba import extending, types
 from numba.core import cgutils
+from numpy.typing import NDArray
 
 from steer_env.friction.numerics.kernel import COMPILED, kernel
-from steer_env.friction.numerics.packing import Floats, at_addresses
-from steer_env.vehicle.subsystems.kinds import CLASSES, advance, begin
+from steer_env.friction.numerics.packing import Floats, at_addresses, pack
+from steer_env.vehicle.subsystems.kinds import CLASSES, advance, begin, register
 from steer_env.vehicle.subsystems.subsystem import Subsystem
 
 _intrinsic: Any = extending.intrinsic  # whose first argument no caller gives
@@ -91,6 +92,36 @@ def call(typing_context, code, numbers, tables, state, given, inputs, outputs, s
         return builder.icmp_unsigned("!=", builder.load(finite), result(0))
 
     return types.boolean(*[types.int64] * 8), generate
+
+
+class Tunable(NamedTuple):
+    """A subsystem whose numbers may change while it runs."""
+
+    code: int  # address of its function
+    numbers: NDArray[np.float64]  # (N,) as :func:`pack` orders them
+    tables: NDArray[np.float64]  # (T,)
+
+
+@kernel
+def _tunable(subsystem, state, given, inputs, outputs, samples):
+    return call(
+        subsystem.code,
+        subsystem.numbers.ctypes.data,
+        subsystem.tables.ctypes.data,
+        state.ctypes.data,
+        given.ctypes.data,
+        inputs.ctypes.data,
+        outputs.ctypes.data,
+        samples,
+    )
+
+
+register(Tunable, _tunable)
+
+
+def tunable(subsystem: Subsystem) -> Tunable:
+    """A subsystem as :func:`advance` takes it, whose numbers may change; ValueError where kernels are not compiled."""
+    return Tunable(address(subsystem), *pack(CLASSES[subsystem.name](subsystem.parameters)))
 
 
 def require_compiled(what: str) -> None:

@@ -18,7 +18,7 @@ from platform import machine
 import numpy as np
 
 from steer_env.connect.fmu.object_code import PLATFORMS, Processor
-from steer_env.connect.fmu.variables import Variable
+from steer_env.connect.variables import Variable
 from steer_env.friction.numerics.packing import pack
 from steer_env.vehicle.subsystems import Subsystem
 

@@ -13,7 +13,7 @@ from importlib import metadata
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
-from steer_env.connect.fmu.variables import Variable
+from steer_env.connect.variables import Variable
 from steer_env.vehicle.chassis.common.interface import WHEELS
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 from steer_env.vehicle.subsystems import Subsystem

@@ -1,5 +1,6 @@
 """A client of a server of a subsystem: it asks for steps, and asks again where an answer is lost."""
 
+import math
 import secrets
 import socket
 import time
@@ -18,11 +19,13 @@ from steer_env.connect.udp.packets import (
     REFUSED,
     STEP,
     STEPPED,
+    TUNE,
     VERSION,
     Layout,
     packed,
     unpacked,
 )
+from steer_env.friction.numerics.check import one_of
 from steer_env.live.real_time.safety import PHASES
 
 _CYCLE = 2**32
@@ -88,12 +91,26 @@ class Client:
             raise ValueError(f"a step takes {len(self.layout.inputs)} inputs ({names}), got {np.shape(inputs)}")
         return self.exchange(STEP, inputs, samples)
 
+    def tune(self, name: str, value: float) -> None:
+        """Give a parameter of the layout, by its name in the FMU, a value from the next step on, for this session.
+
+        Raises
+        ------
+        ValueError
+            The server refuses, with parameter, value and bounds; or there is no such parameter.
+        """
+        names = [parameter.name for parameter in self.layout.parameters]
+        one_of("parameter", name, names)
+        inputs = np.zeros(len(self.layout.inputs))
+        inputs[0] = value
+        self.exchange(TUNE, inputs, names.index(name))
+
     def exchange(self, kind: int, inputs: ArrayLike | None = None, samples: int = 0) -> NDArray[np.float64]:
         """Send a request of a kind until it is answered; the outputs (C,) of the answer."""
         packet = self.request(kind, inputs, samples)
         for _ in range(self.tries):
             self._send(packet)
-            answer = self._awaited()
+            answer = self._awaited(packet)
             if answer is not None:
                 self.sequence = (self.sequence + 1) % _CYCLE
                 return answer
@@ -123,8 +140,8 @@ class Client:
     def _receive(self) -> bytes:
         return self._socket.recv(LARGEST)
 
-    def _awaited(self) -> NDArray[np.float64] | None:
-        """Outputs of the answer to the present request; None after a time without it."""
+    def _awaited(self, request: bytes) -> NDArray[np.float64] | None:
+        """Outputs of the answer to a request; None after a time without it."""
         while True:
             try:
                 packet = self._receive()
@@ -137,7 +154,7 @@ class Client:
             if header is None or (header["session"], header["sequence"]) != (self.session, self.sequence):
                 continue  # another's, or the answer to a request that was repeated
             if header["kind"] == REFUSED:
-                raise ValueError(f"the server refused the request: {self._reason(header)}")
+                raise ValueError(f"the server refused the request: {self._reason(header, request)}")
             outputs = self._values(header, packet)
             self.time = header["time"]
             return outputs
@@ -154,11 +171,16 @@ class Client:
             )
         return np.frombuffer(packet, "<f8", offset=HEADER_SIZE).copy()
 
-    def _reason(self, header: dict[str, int]) -> str:
-        code, detail, inputs = header["code"], header["detail"], self.layout.inputs
+    def _reason(self, header: dict[str, int], request: bytes) -> str:
+        code, detail, inputs, parameters = header["code"], header["detail"], self.layout.inputs, self.layout.parameters
         if not 1 <= code <= len(REASONS):
             return f"for the reason {code}, which this version of the protocol does not know"
         name, text = list(REASONS.items())[code - 1]
+        if name == "parameter" and detail < len(parameters):
+            about, value = parameters[detail], np.frombuffer(request, "<f8", 1, HEADER_SIZE)[0]
+            bounds = (("at least", about.low), ("at most", about.high))
+            words = "".join(f", {side} {bound:g}" for side, bound in bounds if math.isfinite(bound))
+            return f"{about.name} must be finite{words}, got {value:g}"
         return f"{text} ({inputs[detail].name})" if name == "value" and detail < len(inputs) else text
 
 

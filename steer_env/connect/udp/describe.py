@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from collections.abc import Iterable
 from typing import Any
 
@@ -67,6 +68,10 @@ def _data(layout: Layout) -> dict[str, Any]:
         "reasons": {name: i for i, name in enumerate(REASONS, 1)},
         "inputs": [{**entry, "start": s.start} for entry, s in zip(_signals(layout.inputs), layout.inputs)],
         "outputs": _signals(layout.outputs),
+        "parameters": [
+            {"number": i, "name": v.name, "unit": v.unit, "meaning": v.description, "start": v.start, **_bounds(v)}
+            for i, v in enumerate(layout.parameters)
+        ],
     }
 
 
@@ -116,6 +121,14 @@ def _text(layout: Layout) -> str:
             + (f"; {e['start']:.6g} at the start" if e.get("start") else "")
             for e in entries
         ]
+    if data["parameters"]:
+        width, units = (max(len(entry[key]) for entry in data["parameters"]) for key in ("name", "unit"))
+        lines += ["", "Parameters, by their numbers in tune"]
+        lines += [
+            f"{e['number']:6d}  {e['name']:{width}s}  {e['unit']:{units}s}  {e['meaning']}{_within(e)}"
+            f"; {e['start']:.6g} at the start"
+            for e in data["parameters"]
+        ]
     lines += ["", "Kinds", *(f"{number:6d}  {name}" for name, number in KINDS.items())]
     lines += ["", "Modes, in the field code of opened", *(f"{number:6d}  {name}" for name, number in MODES.items())]
     lines += ["", "Phases of the watchdog, in the field code of stepped in free running"]
@@ -150,8 +163,8 @@ def _c(layout: Layout) -> str:
         rows = [f"    STEER_{prefix}{name.upper()}{value}, /* {text} */" for name, value, text in entries]
         return ["", f"enum steer_{what} {{", *rows, "};"]
 
-    def signals(entries: Iterable[Signal]) -> list[tuple[str, str, str]]:
-        return [(s.name, "", f"[{s.unit}] {s.description}") for s in entries]
+    def signals(entries: Iterable[Any]) -> list[tuple[str, str, str]]:
+        return [(re.sub(r"\W+", "_", s.name).strip("_"), "", f"[{s.unit}] {s.description}") for s in entries]
 
     def values(numbers: dict[str, int], text: str) -> list[tuple[str, str, str]]:
         return [(name.replace("-", "_"), f" = {number}", text) for name, number in numbers.items()]
@@ -194,5 +207,6 @@ def _c(layout: Layout) -> str:
         *numbered("phase", "PHASE_", values(PLACES, "of the watchdog, in the field code of stepped in free running")),
         *numbered("input", "IN_", signals(layout.inputs)),
         *numbered("output", "OUT_", signals(layout.outputs)),
+        *(numbered("parameter", "TUNE_", signals(layout.parameters)) if layout.parameters else ()),
     ]
     return "\n".join(lines) + "\n" + _CHECKSUM % HEADER_SIZE

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from steer_env.connect.variables import Variable, variables
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle.subsystems import Signal, Subsystem
@@ -26,9 +27,14 @@ FIELDS = (
     ("layout", "<u4", "fingerprint of the subsystem's inputs and outputs"),
     ("session", "<u8", "number of the session, chosen by the client, a new one each time"),
     ("sequence", "<u4", "one more in each new request, modulo 2^32; in an answer that of its request"),
-    ("samples", "<u4", "in lockstep length of the step, 1 to 10000; of open in free running time between answers [ms]"),
+    (
+        "samples",
+        "<u4",
+        "in lockstep length of the step, 1 to 10000, of open in free running time between answers [ms]; of tune the "
+        "number of the parameter, from 0, whose value is the first input",
+    ),
     ("code", "<u4", "of refused the reason, of opened the mode, of stepped in free running the phase of the watchdog"),
-    ("detail", "<u4", "of the reason VALUE the number of the input, from 0; of other packets 0"),
+    ("detail", "<u4", "of the reason VALUE the number of the input, of PARAMETER that of the parameter; else 0"),
     ("time", "<f8", "simulation time of the values [s]"),
     ("sent", "<i8", "monotonic clock of the sender [ns]"),
     ("echo", "<i8", "in an answer the field sent of its request [ns]"),
@@ -47,12 +53,14 @@ KINDS = {
     "open": 1,  # request of a session
     "step": 2,  # request with inputs
     "close": 3,  # request to end the session
+    "tune": 4,  # request to give a parameter a value, from the next step on until the session ends
     "opened": 11,
     "stepped": 12,
     "closed": 13,
     "refused": 14,
+    "tuned": 15,
 }
-OPEN, STEP, CLOSE, OPENED, STEPPED, CLOSED, REFUSED = KINDS.values()
+OPEN, STEP, CLOSE, TUNE, OPENED, STEPPED, CLOSED, REFUSED, TUNED = KINDS.values()
 
 MODES = {"lockstep": 0, "free-running": 1}
 FREE_RUNNING = MODES["free-running"]
@@ -70,6 +78,7 @@ REASONS = {
     "samples": "the length of the step is out of range",
     "value": "an input is not finite or outside its range, docs/real_time.md; the field detail has its number",
     "diverged": "the step does not stay finite; nothing has changed",
+    "parameter": "there is no such parameter, or its value is not finite or outside its bounds",
 }
 (
     BAD_VERSION,
@@ -83,6 +92,7 @@ REASONS = {
     BAD_SAMPLES,
     BAD_VALUE,
     DIVERGED,
+    BAD_PARAMETER,
 ) = range(1, len(REASONS) + 1)
 
 
@@ -92,6 +102,7 @@ class Layout(NamedTuple):
     subsystem: str
     inputs: tuple[Signal, ...]
     outputs: tuple[Signal, ...]
+    parameters: tuple[Variable, ...] = ()  # that "tune" takes, of which packets hold one at a time
 
     @property
     def request_size(self) -> int:
@@ -111,8 +122,9 @@ class Layout(NamedTuple):
 
 
 def layout_of(subsystem: Subsystem) -> Layout:
-    """The packets of a subsystem: its inputs and outputs are those of the unit that ``export-fmu`` writes."""
-    return Layout(subsystem.name, subsystem.given, subsystem.outputs)
+    """The packets of a subsystem: inputs, outputs and tunable parameters are those of the unit by ``export-fmu``."""
+    tunable = (v for v in variables(subsystem, 2) if v.use == "TUNABLE" and not v.boolean)
+    return Layout(subsystem.name, subsystem.given, subsystem.outputs, tuple(tunable))
 
 
 def packed(values: ArrayLike = (), **fields: Any) -> bytes:

@@ -30,6 +30,7 @@ from steer_env.live.real_time.model import model_of
 from steer_env.live.real_time.safety import TRIPS, Limits
 from steer_env.live.real_time.system import WAKE, Worker, check, clock
 from steer_env.vehicle.subsystems import Subsystem
+from steer_env.vehicle.subsystems.machine_code import tunable
 
 _int: Any = types.int32
 _long: Any = types.int64
@@ -194,7 +195,8 @@ class Server(Worker):
         self.layout, self.mode = layout_of(subsystem), mode
         self._socket = bound_socket(address, port, WAKE)
         self.address: tuple[str, int] = self._socket.getsockname()
-        self.loop, self._link, model = loop_of(limits or Limits()), link_of(self.layout, mode), model_of(subsystem)
+        self.loop, made = loop_of(limits or Limits()), tunable(subsystem)
+        self._link, model = link_of(self.layout, mode, made.numbers), model_of(subsystem._replace(parameters=made))
         of_socket = Port(
             descriptor=self._socket.fileno(),
             sender=np.zeros(2, np.uint64),

@@ -4,6 +4,7 @@ The kernels know no sockets: :mod:`steer_env.connect.udp.server` receives and se
 same request again, as a client sends it that did not get the answer, gets the same answer again, to the byte.
 """
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from steer_env.connect.udp.packets import (
     BAD_KIND,
     BAD_LAYOUT,
+    BAD_PARAMETER,
     BAD_SAMPLES,
     BAD_SEQUENCE,
     BAD_VALUE,
@@ -34,6 +36,8 @@ from steer_env.connect.udp.packets import (
     REUSED,
     STEP,
     STEPPED,
+    TUNE,
+    TUNED,
     USED,
     VERSION,
     Layout,
@@ -111,10 +115,21 @@ class Link(NamedTuple):
     shown: NDArray[np.float64]  # (C,) its outputs
     refused: NDArray[np.int64]  # a refusal
     refusal: Any  # (1,) of HEADER, the same
+    numbers: NDArray[np.float64]  # (N,) of the subsystem, among which are the parameters
+    begun: NDArray[np.float64]  # (N,) the same at the begin of a session
+    places: NDArray[np.int64]  # (P,) of the parameters among them
+    low: NDArray[np.float64]  # (P,) least value of each
+    high: NDArray[np.float64]  # (P,) largest value of each
 
 
-def link_of(layout: Layout, mode: str = "lockstep") -> Link:
-    """The memory of a server in a mode of ``MODES``, before its first session."""
+def link_of(layout: Layout, mode: str = "lockstep", numbers: NDArray[np.float64] | None = None) -> Link:
+    """The memory of a server in a mode of ``MODES``, before its first session.
+
+    ``numbers`` (N,) are those of a ``steer_env.vehicle.subsystems.machine_code.Tunable``, which "tune" changes; without
+    them there are no parameters.
+    """
+    parameters = () if numbers is None else layout.parameters
+    numbers = np.zeros(0) if numbers is None else numbers
     received = np.zeros(LARGEST // 8)
     sent, refused = np.zeros(layout.answer_size // 8), np.zeros(HEADER_SIZE // 8)
     (request, given), (answer, shown), (refusal, _) = (_divided(packet) for packet in (received, sent, refused))
@@ -131,6 +146,11 @@ def link_of(layout: Layout, mode: str = "lockstep") -> Link:
         shown=shown,
         refused=refused.view(np.int64),
         refusal=refusal,
+        numbers=numbers,
+        begun=numbers.copy(),
+        places=np.array([each.place for each in parameters], np.int64),
+        low=np.array([each.low for each in parameters]),
+        high=np.array([each.high for each in parameters]),
     )
 
 
@@ -195,6 +215,8 @@ def respond(model, link, size, known, now):
     if request.kind == CLOSE:
         state.open = 0
         return _answer(link, CLOSED, now)
+    if request.kind == TUNE:
+        return _tune(link, now)
     if request.kind != STEP:
         return _refuse(link, BAD_KIND, 0, now)
     return _take(model, link, ahead, now) if link.mode == FREE_RUNNING else _step(model, link, now)
@@ -227,12 +249,26 @@ def _open(model, link, now):
     if link.mode == FREE_RUNNING and request.samples > MOST_SAMPLES:
         return _refuse(link, BAD_SAMPLES, 0, now)
     restart(model)
+    for i in range(link.numbers.size):
+        link.numbers[i] = link.begun[i]
     state.session, state.open, state.samples, state.heard = request.session, 1, 0, now
     state.asked, state.period = NEVER, max(int(request.samples), 1)
     link.counts[SESSIONS] += 1
     _show(model, link)
     _answer(link, OPENED, now)
     return WELCOME
+
+
+@kernel
+def _tune(link, now):
+    """Give a parameter the value of the request."""
+    parameter, value = int(link.request[0].samples), link.given[0]
+    if parameter >= link.places.size:
+        return _refuse(link, BAD_PARAMETER, parameter, now)
+    if not (link.low[parameter] <= value <= link.high[parameter] and abs(value) < math.inf):
+        return _refuse(link, BAD_PARAMETER, parameter, now)
+    link.numbers[link.places[parameter]] = value
+    return _answer(link, TUNED, now)
 
 
 @kernel

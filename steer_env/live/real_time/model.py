@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.live.real_time.configurations import Switch
 from steer_env.vehicle.subsystems import CLASSES, Subsystem, advance, is_finite
+from steer_env.vehicle.subsystems.machine_code import Tunable
 
 if TYPE_CHECKING:
     from steer_env.live.real_time.configurations import CarConfigurations
@@ -60,7 +61,7 @@ def subsystem_of(source: "Subsystem | CarConfigurations") -> Subsystem:
 def model_of(source: "Subsystem | CarConfigurations") -> Model:
     """A subsystem of :func:`steer_env.vehicle.subsystems.make`, or configurations, at the begin of a session."""
     subsystem = subsystem_of(source)
-    switches = isinstance(subsystem.parameters, Switch)
+    own = isinstance(subsystem.parameters, Switch | Tunable)
     begin = np.zeros(subsystem.given_size)
     begin[: len(subsystem.given)] = [signal.start for signal in subsystem.given]
     stale = np.full(subsystem.given_size, FADES)
@@ -71,7 +72,7 @@ def model_of(source: "Subsystem | CarConfigurations") -> Model:
     names, given = ([signal.name for signal in signals] for signals in (subsystem.outputs, subsystem.given))
     shown = subsystem.shown.reshape(1, -1).copy()
     return Model(
-        subsystem=subsystem.parameters if switches else CLASSES[subsystem.name](subsystem.parameters),
+        subsystem=subsystem.parameters if own else CLASSES[subsystem.name](subsystem.parameters),
         state=subsystem.start.copy(),
         given=begin.copy(),
         wanted=begin.copy(),
@@ -90,7 +91,7 @@ def model_of(source: "Subsystem | CarConfigurations") -> Model:
         angle=given.index("hand_angle") if "hand_angle" in given else -1,
         begun=np.zeros(1, np.int64),
         released=np.zeros(1, np.int64),
-        now=subsystem.parameters.now if switches else np.array([0.0, -1.0, 0.0]),
+        now=subsystem.parameters.now if isinstance(subsystem.parameters, Switch) else np.array([0.0, -1.0, 0.0]),
     )
 
 

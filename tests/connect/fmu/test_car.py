@@ -19,7 +19,7 @@ import pytest
 
 from steer_env import friction, manoeuvres
 from steer_env.connect import fmu
-from steer_env.connect.fmu.variables import variables
+from steer_env.connect.variables import variables
 from steer_env.friction.numerics.kernel import bind
 from steer_env.vehicle import cars, plant, subsystems
 from tests.connect.fmu.runs import STEP, begin, bits, hand_names, opened, replay

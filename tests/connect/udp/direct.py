@@ -6,16 +6,21 @@ from steer_env.connect.udp.packets import KINDS, layout_of, packed, unpacked
 from steer_env.connect.udp.session import COUNTS, NOTHING, REFUSAL, link_of, respond
 from steer_env.live.real_time.model import model_of
 from steer_env.vehicle import cars, subsystems
+from steer_env.vehicle.subsystems.machine_code import tunable
 
 
 class Direct:
     """The memory of a server of a part, and a client's way to it."""
 
-    def __init__(self, subsystem="steering", mode="lockstep", **options):
+    def __init__(self, subsystem="steering", mode="lockstep", tuned=False, **options):
         speed = 20.0
         self.subsystem = subsystems.make(subsystem, cars.load("compact").plant(speed=speed, **options), speed)
         self.layout = layout_of(self.subsystem)
         self.model, self.link = model_of(self.subsystem), link_of(self.layout, mode)
+        if tuned:
+            made = tunable(self.subsystem)
+            self.model = model_of(self.subsystem._replace(parameters=made))
+            self.link = link_of(self.layout, mode, made.numbers)
         self.inputs = np.array([signal.start for signal in self.subsystem.given])
 
     def send(self, packet, known=True, now=0):

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from steer_env.connect.udp import Client, Server
+from steer_env.connect.udp import Client, Server, Stream, layout_of
 from steer_env.connect.udp.packets import KINDS
 from steer_env.experiments.cli import serve
 from steer_env.experiments.cli.main import main
@@ -98,6 +98,33 @@ def test_the_car_over_udp_equals_python_to_the_bit():
 )
 def test_every_part_over_udp_equals_python_to_the_bit(name, law, chassis, robot):
     equals_python(part_of(name, friction=law, chassis=chassis, robot=robot))
+
+
+@pytest.mark.parametrize("mode", ["lockstep", "free-running"])
+def test_a_client_tunes_parameters_of_the_fmu(mode):
+    part = part_of("steering", friction="lugre")
+    inputs = [signal.start for signal in part.given]
+    with (
+        Server(part, mode=mode) as server,
+        {"lockstep": Client, "free-running": Stream}[mode](server.layout, server.address) as client,
+    ):
+        assert client.layout.fingerprint == layout_of(part)._replace(parameters=()).fingerprint  # as before
+        with pytest.raises(ValueError, match=r"column\.K_tb must be finite, at least 0, got -1"):
+            client.tune("column.K_tb", -1.0)
+        with pytest.raises(ValueError, match=r"parameter must be one of column\.I1, .*, got 'column\.K'"):
+            client.tune("column.K", 1.0)
+        client.tune("friction.F_c", 3.0)
+        for i in range(1, 4):
+            if mode == "lockstep":
+                client.step(inputs, 10)
+            else:
+                client.put(inputs)
+                assert client.get(1.0) is not None
+            client.tune("friction.F_s", 3.0 + i)
+        names = [parameter.name for parameter in client.layout.parameters]
+        places = [client.layout.parameters[names.index(name)].place for name in ("friction.F_c", "friction.F_s")]
+        assert server._link.numbers[places].tolist() == [3.0, 6.0]
+    assert server.counts()["refused"] == 1
 
 
 def resident(process):

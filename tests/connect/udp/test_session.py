@@ -16,6 +16,7 @@ from steer_env.connect import udp as cosimulation
 from steer_env.connect.udp import packets
 from steer_env.connect.udp.packets import HEADER, HEADER_SIZE, KINDS, MODES, REASONS, checksum, packed, unpacked
 from steer_env.connect.udp.session import end_where_silent
+from steer_env.live.real_time.model import model_of
 from steer_env.live.real_time.safety import PHASES
 from steer_env.vehicle.subsystems import advance
 from tests.connect.udp.direct import Direct
@@ -73,6 +74,57 @@ def test_steps_are_those_of_the_kernel(served):
         assert advance(twin.model.subsystem, twin.model.state, given, twin.model.inputs, twin.model.outputs, 1 + i % 3)
         assert answer[HEADER_SIZE:] == twin.model.outputs.tobytes()
     assert unpacked(answer)["time"] == pytest.approx(1e-3 * sum(1 + i % 3 for i in range(1, 200)))
+
+
+def tune(direct, sequence, name, value, **fields):
+    """The header of the answer to a request to tune a parameter."""
+    number = [parameter.name for parameter in direct.layout.parameters].index(name)
+    inputs = np.array([value, *direct.inputs[1:]])
+    return number, direct.ask("tune", sequence, inputs=inputs, samples=number, **fields)
+
+
+def test_a_parameter_that_is_tuned_is_that_of_another_plant():
+    """A torsion bar that is stiffer from the first step on is a plant made with it; a new session has the old one."""
+    stiff = Direct(friction="dahl")
+    p = stiff.subsystem.parameters
+    stiff.model = model_of(stiff.subsystem._replace(parameters=p._replace(column=p.column._replace(K_tb=200.0))))
+    plain = Direct(friction="dahl")
+    direct = Direct(friction="dahl", tuned=True)
+    direct.ask("open", 0), stiff.ask("open", 0), plain.ask("open", 0)
+    number, answer = tune(direct, 1, "column.K_tb", 200.0)
+    assert (answer["kind"], answer["samples"], answer["time"]) == (KINDS["tuned"], number, 0.0)
+    inputs = np.array([2.0, *direct.inputs[1:]])
+
+    def rows(server, first, session=7):
+        packets = (server.request("step", first + i, inputs=inputs, session=session) for i in range(300))
+        return b"".join(server.send(packet)[HEADER_SIZE:] for packet in packets)
+
+    found = rows(direct, 2)
+    old = rows(plain, 1)
+    assert found == rows(stiff, 1) != old
+    assert direct.ask("close", 302)["kind"] == KINDS["closed"]
+    direct.ask("open", 0, session=8)
+    assert rows(direct, 1, session=8) == old
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -1.0, -1e300])
+def test_a_value_beyond_its_bound_is_not_taken(value):
+    direct = Direct(tuned=True)
+    direct.ask("open", 0)
+    numbers = direct.link.numbers.copy()
+    number, answer = tune(direct, 1, "column.K_tb", value)
+    assert refused(answer, "parameter", number)
+    assert refused(direct.ask("tune", 1, samples=10_000), "parameter", 10_000)
+    assert np.array_equal(direct.link.numbers, numbers)
+    number, answer = tune(direct, 1, "level.asymmetry", -0.9)  # from here on its declared range
+    assert answer["kind"] == KINDS["tuned"]
+    assert tune(direct, 1, "level.asymmetry", -0.9)[1] == answer  # the same request gets the same answer
+    assert refused(tune(direct, 2, "level.asymmetry", -0.91)[1], "parameter", number)
+    assert refused(tune(direct, 2, "level.asymmetry", 0.1, session=9)[1], "busy")
+
+
+def test_a_plant_without_code_has_no_parameters(served):
+    assert refused(served.ask("tune", 1), "parameter", 1)
 
 
 def test_the_same_request_gets_the_same_answer_and_nothing_moves(served):
@@ -260,7 +312,7 @@ def test_description_has_every_field_value_kind_and_reason(served):
         *MODES,
         *PHASES,
         *REASONS,
-        *(s.name for s in (*served.subsystem.given, *served.subsystem.outputs)),
+        *(s.name for s in (*served.subsystem.given, *served.subsystem.outputs, *served.layout.parameters)),
     ]
     for name in named:
         assert f" {name}" in text
