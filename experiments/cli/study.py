@@ -36,11 +36,18 @@ def run(args: argparse.Namespace) -> int | None:
         require(EXTRAS[args.name], f"the study {args.name}")
     main = importlib.import_module(STUDIES[args.name]).main
     modules, given = without_imports(args.options)  # which may stand before the name, too
-    parser = argparse.ArgumentParser(prog=f"steer-env study {args.name}", add_help=False, allow_abbrev=False)
-    options.add_figures(parser)
+    parser = argparse.ArgumentParser(usage=argparse.SUPPRESS, add_help=False, allow_abbrev=False)
+    options.add_figures(parser.add_argument_group("pictures"))
     pictures, words = parser.parse_known_args([*given, *(["--out", args.out] if args.out else [])])
-    with options.figures(pictures):
-        return _study(args, main, words, [*args.modules, *modules])
+    try:
+        with options.figures(pictures):
+            return _study(args, main, words, [*args.modules, *modules])
+    except SystemExit as stop:
+        if not stop.code:  # behind the help that the study itself has printed
+            if args.name in SWEEPING:
+                add_sweep(parser)
+            print(f"\n{parser.format_help()}", end="")
+        raise
 
 
 def _study(

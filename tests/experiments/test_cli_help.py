@@ -13,6 +13,7 @@ from steer_env.experiments.cli import drive
 from steer_env.experiments.cli.common import names, options
 from steer_env.experiments.cli.common.messages import in_options
 from steer_env.experiments.cli.main import GROUPS, commands, main, parser
+from steer_env.experiments.cli.study import SWEEPING
 from steer_env.experiments.learning import policy_report
 from steer_env.friction.numerics.registry import dashed, listed
 from steer_env.live import devices
@@ -186,7 +187,11 @@ def test_every_study_has_help(name, capsys):
     with pytest.raises(SystemExit) as stop:
         main(["study", name, "--help"])
     assert stop.value.code == 0
-    assert f"usage: steer-env study {name}" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert f"usage: steer-env study {name}" in said
+    assert said.count("--figures DIR") == 1
+    for option in ("--workers N", "--cluster ADDRESS", "--resume "):
+        assert said.count(option) == (name in SWEEPING), option
 
 
 def test_episodes_have_no_frames_without_pygame(monkeypatch):

@@ -219,7 +219,7 @@ def add_page(
         parser.add_argument("--full", action="store_true", help=text)
 
 
-def add_figures(parser: argparse.ArgumentParser) -> None:
+def add_figures(parser: argparse._ActionsContainer) -> None:
     """Add ``--figures``."""
     text = "also write every picture into this directory, as SVG and PDF with its data as CSV"
     parser.add_argument("--figures", metavar="DIR", type=Path, help=text)
