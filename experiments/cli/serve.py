@@ -16,7 +16,7 @@ from steer_env.experiments.pages import car_options
 GROUP = "couple"
 
 # As in steer_env.connect.udp, whose import takes long.
-FORMATS = ("text", "json", "c")
+FORMATS = ("text", "json", "c", "ros2-in", "ros2-out")
 LOOPBACK = "127.0.0.1"
 SILENCE = 10.0  # [s]
 
@@ -40,7 +40,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     options.add_telemetry(parser)
     text = f"seconds without a packet after which a session ends (default: {SILENCE:.0f})"
     parser.add_argument("--silence", metavar="S", type=options.real, default=SILENCE, help=text)
-    text = "print the layout of the packets and end; c is a header file"
+    text = "print the layout of the packets and end; c is a header file, ros2-in and ros2-out are ROS 2 messages (.msg)"
     parser.add_argument("--describe", nargs="?", choices=FORMATS, const="text", help=text)
     text = "print JSON: one line at the start, one with the counts at the end"
     parser.add_argument("--json", action="store_true", help=text)
