@@ -36,7 +36,8 @@ def run(args: argparse.Namespace) -> int | None:
         require(EXTRAS[args.name], f"the study {args.name}")
     main = importlib.import_module(STUDIES[args.name]).main
     modules, given = without_imports(args.options)  # which may stand before the name, too
-    parser = argparse.ArgumentParser(usage=argparse.SUPPRESS, add_help=False, allow_abbrev=False)
+    prog = f"steer-env study {args.name}"
+    parser = argparse.ArgumentParser(prog=prog, usage=argparse.SUPPRESS, add_help=False, allow_abbrev=False)
     options.add_figures(parser.add_argument_group("pictures"))
     pictures, words = parser.parse_known_args([*given, *(["--out", args.out] if args.out else [])])
     try:
