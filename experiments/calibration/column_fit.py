@@ -42,12 +42,12 @@ ROUNDS = 25  # of least squares, at most
 
 
 class Term(NamedTuple):
-    """A number that is fitted: where the search starts, its ends, far beyond usual cars, and the step of slopes."""
+    """A number that is fitted, in ``unit``."""
 
-    start: float
-    least: float
-    largest: float
-    step: float
+    start: float  # of the search [unit]
+    least: float  # far beyond usual cars, as the largest is [unit]
+    largest: float  # [unit]
+    step: float  # of slopes [unit]
     unit: str
     meaning: str
 
