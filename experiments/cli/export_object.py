@@ -1,4 +1,4 @@
-"""Write the steering as an object file and header, which the firmware of a Cortex-M7 links."""
+"""Write the steering as object file and header for the firmware of a Cortex-M7."""
 
 import argparse
 
