@@ -111,7 +111,7 @@ def module_text(subsystem: Subsystem) -> str:
     ValueError
         Where kernels are not compiled (``NUMBA_DISABLE_JIT=1``).
     """
-    require_compiled("an FMU")
+    require_compiled("an export")
     whole = llvm.parse_assembly("")
     for name, function in FUNCTIONS.items():
         whole.link_in(_module(name, function, signature(subsystem)))
@@ -137,12 +137,17 @@ def _module(name: str, kernel: Any, arguments: tuple) -> llvm.ModuleRef:
 
 def object_code(module: str, platform: str, processor: Processor) -> bytes:
     """Object file of a module for one of ``PLATFORMS``."""
+    triple = PLATFORMS[platform].triple
+    kind = ("x86-64", processor.for_llvm()) if triple.startswith("x86_64") else ("generic", "")
+    return object_for(module, triple, *kind, reloc="pic")
+
+
+def object_for(module: str, triple: str, cpu: str, features: str = "", reloc: str = "static") -> bytes:
+    """Object file of a module for a machine as LLVM names it."""
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
-    triple = PLATFORMS[platform].triple
     target = llvm.Target.from_triple(triple)
-    kind = ("x86-64", processor.for_llvm()) if triple.startswith("x86_64") else ("generic", "")
-    machine = target.create_target_machine(*kind, opt=3, reloc="pic", codemodel="default")
+    machine = target.create_target_machine(cpu, features, opt=3, reloc=reloc, codemodel="default")
     parsed = llvm.parse_assembly(module)
     parsed.triple = machine.triple
     parsed.data_layout = str(machine.target_data)

@@ -104,7 +104,8 @@ def _comments(owner: type) -> dict[str, tuple[str, str]]:
     return found
 
 
-def _described(leaf: Leaf, field: str, owner: type | None) -> tuple[str, str]:
+def described(leaf: Leaf, field: str, owner: type | None) -> tuple[str, str]:
+    """What the comment beside a field says, and its unit."""
     text, unit = _comments(owner).get(field, ("", "")) if owner else ("", "")
     law = LAWS.of(owner)
     return text or field.replace("_", " "), law.units.get(field, unit) if law else unit
@@ -171,7 +172,7 @@ def _parameters(subsystem: Subsystem) -> Iterator[Variable]:
         if leaf.path[0] not in subsystem.sections or not _settable(leaf):
             continue
         for name, field, owner, place, value in _elements(leaf):
-            text, unit = _described(leaf, field, owner)
+            text, unit = described(leaf, field, owner)
             if owner is WheelRoad:
                 bounds = _ROAD[field.partition("_")[0]]
                 yield Variable(f"road_{field}", unit, text, "NUMBERS", place, "INPUT", False, value, *bounds)
