@@ -51,7 +51,7 @@ COMMANDS = {
          "--steps", "0", *WORKERS),
         out=False,
     ),
-    "tune": Command((*STEER_ENV, "tune", "--parameters", "damping", "--budget", "4", *WORKERS)),
+    "tune": Command((*STEER_ENV, "tune", "--parameters", "damping_level", "--budget", "4", *WORKERS)),
     "report": Command((*STEER_ENV, "report", "--friction", "masing", *WORKERS)),
 }  # fmt: skip
 
