@@ -21,6 +21,7 @@ from steer_env.connect.fmu.object_code import PLATFORMS, Processor
 from steer_env.connect.fmu.variables import Variable
 from steer_env.friction.numerics.packing import pack
 from steer_env.vehicle.subsystems import Subsystem
+from steer_env.vehicle.subsystems.poses import has_poses
 
 SOURCES = Path(__file__).parent / "c"
 _FLAGS = ("-std=gnu11", "-O2", "-shared", "-fvisibility=hidden", "-Wall", "-Wextra", "-Wno-unused-parameter", "-s")
@@ -112,6 +113,7 @@ def c_data(subsystem: Subsystem, variables: list[Variable], processor: Processor
         f"    .processor = {json.dumps(processor.name)},",
         *(f"    .{name} = {name}," for name in ("requirements", "variables", "states", "numbers", "tables")),
         *(f"    .{name} = {name}," for name in ("start", "shown", "given", "places", "rows")),
+        f"    .poses = {'steer_poses' if has_poses(subsystem) else 'NULL'},",
         f"    .requirement_count = {len(needed)},",
         f"    .variable_count = {len(variables)},",
         f"    .number_count = {numbers.size},",

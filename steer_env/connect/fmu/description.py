@@ -312,9 +312,10 @@ _TERMINALS: dict[str, tuple[str, dict[str, str]]] = {
     ),
     **{
         f"wheel_{wheel}": (
-            f"{wheel.replace('_', ' ').capitalize()} wheel: its motion and the forces of the road on its tyre",
+            f"{wheel.replace('_', ' ').capitalize()} wheel: its pose, motion and the forces of the road on its tyre",
             {
                 **({"steer_angle": f"road_wheel_angle_{wheel[6:]}"} if wheel.startswith("front") else {}),
+                **{part: f"wheel_{part}_{wheel}" for part in ("x", "y", "z", "heading", "inclination")},
                 **{"travel": f"travel_{wheel}", "angular_velocity": f"wheel_angular_velocity_{wheel}"},
                 **{f"{way}_force": f"{way}_force_{wheel}" for way in ("longitudinal", "lateral")},
                 **{"load": f"wheel_load_{wheel}", "aligning_torque": f"aligning_torque_{wheel}"},

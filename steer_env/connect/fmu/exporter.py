@@ -25,6 +25,7 @@ from steer_env.friction.numerics.check import one_of
 from steer_env.vehicle import cars, subsystems
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 from steer_env.vehicle.subsystems import Subsystem
+from steer_env.vehicle.subsystems.poses import with_poses
 
 VERSIONS = (2, 3)
 ICONS = {2: "model.png", 3: "terminalsAndIcons/icon.png"}
@@ -95,7 +96,7 @@ def export(
         "chassis": (rolls, chassis),
     }[subsystem]
     told = f"Car {loaded.name}, {contents}; processor level {cpu}."
-    made = with_road(subsystems.make(subsystem, p, speed))
+    made = with_poses(with_road(subsystems.make(subsystem, p, speed)))
     files = _files(made, re.sub(r"\W", "_", f"steer_{subsystem}_{label}"), told, wanted, fmi, processor(cpu))
     made_of = {
         **{"part": subsystem, "chassis": chassis, "speed_m_s": speed, "robot": robot, "road_friction": road_friction},

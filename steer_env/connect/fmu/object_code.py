@@ -7,10 +7,14 @@ from llvmlite import binding as llvm
 
 from steer_env.friction.numerics.check import one_of
 from steer_env.friction.numerics.kernel import plain
-from steer_env.vehicle.subsystems import Subsystem
+from steer_env.vehicle.subsystems import Subsystem, poses
 from steer_env.vehicle.subsystems.machine_code import entry, first, require_compiled, signature
 
-FUNCTIONS = {"steer_advance": entry, "steer_begin": first}
+
+def functions(subsystem: Subsystem) -> dict[str, Any]:
+    """The kernels that the C layer calls, by their names there."""
+    found = {"steer_advance": entry, "steer_begin": first}
+    return {**found, "steer_poses": poses.entry} if poses.has_poses(subsystem) else found
 
 
 class Platform(NamedTuple):
@@ -113,7 +117,7 @@ def module_text(subsystem: Subsystem) -> str:
     """
     require_compiled("an export")
     whole = llvm.parse_assembly("")
-    for name, function in FUNCTIONS.items():
+    for name, function in functions(subsystem).items():
         whole.link_in(_module(name, function, signature(subsystem)))
     return str(whole)
 
