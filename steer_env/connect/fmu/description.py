@@ -1,4 +1,4 @@
-"""``modelDescription.xml`` of an FMU, for FMI 2.0 and 3.0, and the terminals of FMI 3.0.
+"""``modelDescription.xml`` of an FMU, for FMI 2.0 and 3.0, and the terminals and the build description of FMI 3.0.
 
 The outputs depend on no input at a communication point: a new input acts from the next step on, so that an importer
 finds no algebraic loop. Sources: Functional Mock-up Interface 2.0.4, section 2.2 and 4.3, and 3.0.2, section 2.4, 2.6
@@ -8,6 +8,7 @@ and 4.3; the names of the quantities are those of the Modelica Standard Library.
 import math
 import os
 import re
+from collections.abc import Sequence
 from datetime import datetime, timezone
 from importlib import metadata
 from typing import Any, NamedTuple
@@ -218,7 +219,14 @@ def experiment(root: ElementTree.Element) -> None:
     ElementTree.SubElement(root, "DefaultExperiment", startTime="0.0", stopTime="10.0", stepSize=number(SAMPLE_TIME))
 
 
-def fmi2(subsystem: Subsystem, variables: list[Variable], identifier: str, token: str, description: str) -> bytes:
+def fmi2(
+    subsystem: Subsystem,
+    variables: list[Variable],
+    identifier: str,
+    token: str,
+    description: str,
+    sources: Sequence[str] = (),
+) -> bytes:
     """The description of a unit.
 
     Parameters
@@ -232,6 +240,8 @@ def fmi2(subsystem: Subsystem, variables: list[Variable], identifier: str, token
         The GUID, which binary and description share.
     description : str
         Sentences that tell the car, the friction law and the chassis.
+    sources : sequence of str
+        The files in ``sources`` that are to be compiled.
     """
     root = ElementTree.Element(
         "fmiModelDescription", {"fmiVersion": "2.0", **about(subsystem, description, "guid", token)}
@@ -243,7 +253,11 @@ def fmi2(subsystem: Subsystem, variables: list[Variable], identifier: str, token
         "canGetAndSetFMUstate": "true",
         "canSerializeFMUstate": "true",
     }
-    ElementTree.SubElement(root, "CoSimulation", capabilities)
+    simulation = ElementTree.SubElement(root, "CoSimulation", capabilities)
+    if sources:
+        files = ElementTree.SubElement(simulation, "SourceFiles")
+        for name in sources:
+            ElementTree.SubElement(files, "File", name=name)
     unit_definitions(root, variables)
     type_definitions(root, variables, 2)
     ElementTree.SubElement(
@@ -294,6 +308,17 @@ def fmi3(subsystem: Subsystem, variables: list[Variable], identifier: str, token
     for name, more in (("Output", {"dependencies": ""}), ("InitialUnknown", {})):
         for reference in results:
             ElementTree.SubElement(structure, name, {"valueReference": reference, **more})
+    return text_of(root)
+
+
+def build(identifier: str, sources: Sequence[str]) -> bytes:
+    """``buildDescription.xml`` of FMI 3.0, section 2.5.2: the files in ``sources`` that are to be compiled."""
+    root = ElementTree.Element("fmiBuildDescription", fmiVersion="3.0")
+    configuration = ElementTree.SubElement(root, "BuildConfiguration", modelIdentifier=identifier)
+    files = ElementTree.SubElement(configuration, "SourceFileSet", language="C11")
+    for name in sources:
+        ElementTree.SubElement(files, "SourceFile", name=name)
+    ElementTree.SubElement(configuration, "Library", name="m", description="mathematics of the C library")
     return text_of(root)
 
 

@@ -35,6 +35,7 @@ PLATFORMS = {
     ),
     "macos": Platform("arm64-apple-macosx11.0", "aarch64-macos.11.0", "dylib", {2: "darwin64", 3: "aarch64-darwin"}),
 }
+SOURCE = "source"  # in place of a platform: sources, which the importer compiles
 # Feature of LLVM -> where the instruction ``cpuid`` reports it: leaf, register (a, b, c, d) and bit; sub-leaf 0.
 # Source: Intel 64 and IA-32 Architectures Software Developer's Manual, volume 2, CPUID; AMD64 volume 3 for 0x80000001.
 FEATURES = {
@@ -106,7 +107,7 @@ def processor(name: str) -> Processor:
 
 
 def module_text(subsystem: Subsystem) -> str:
-    """LLVM module of a subsystem, optimised, whose only visible functions are ``steer_advance`` and ``steer_begin``.
+    """LLVM module of a subsystem, optimised, whose only visible functions are its :func:`functions`.
 
     Its code is made for the structure of the subsystem's parameters, not for their values.
 
@@ -141,13 +142,32 @@ def _module(name: str, kernel: Any, arguments: tuple) -> llvm.ModuleRef:
 
 def object_code(module: str, platform: str, processor: Processor) -> bytes:
     """Object file of a module for one of ``PLATFORMS``."""
-    triple = PLATFORMS[platform].triple
-    kind = ("x86-64", processor.for_llvm()) if triple.startswith("x86_64") else ("generic", "")
-    return object_for(module, triple, *kind, reloc="pic")
+    machine, parsed = _for_platform(module, platform, processor)
+    return machine.emit_object(parsed)
+
+
+def assembler(module: str, platform: str, processor: Processor) -> str:
+    """The same code as text, of which the platform's assembler makes the object file."""
+    machine, parsed = _for_platform(module, platform, processor)
+    return machine.emit_assembly(parsed)
 
 
 def object_for(module: str, triple: str, cpu: str, features: str = "", reloc: str = "static") -> bytes:
     """Object file of a module for a machine as LLVM names it."""
+    machine, parsed = _for_machine(module, triple, cpu, features, reloc)
+    return machine.emit_object(parsed)
+
+
+def _for_platform(module: str, platform: str, processor: Processor) -> tuple[llvm.TargetMachine, llvm.ModuleRef]:
+    triple = PLATFORMS[platform].triple
+    kind = ("x86-64", processor.for_llvm()) if triple.startswith("x86_64") else ("generic", "")
+    return _for_machine(module, triple, *kind, "pic")
+
+
+def _for_machine(
+    module: str, triple: str, cpu: str, features: str, reloc: str
+) -> tuple[llvm.TargetMachine, llvm.ModuleRef]:
+    """What emits code for a machine, and the module without what nothing calls."""
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
     target = llvm.Target.from_triple(triple)
@@ -160,4 +180,4 @@ def object_for(module: str, triple: str, cpu: str, features: str = "", reloc: st
     manager = llvm.create_new_module_pass_manager()
     manager.add_global_dead_code_eliminate_pass()
     manager.run(parsed, passes)
-    return machine.emit_object(parsed)
+    return machine, parsed

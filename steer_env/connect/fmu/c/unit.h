@@ -8,6 +8,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
+/* Several FMUs in a process must not find one another's, whatever the options of the compiler. */
+#pragma GCC visibility push(hidden)
+
 enum array { NUMBERS, GIVEN, OUTPUTS, POSES, TIME };
 enum use { INPUT, OUTPUT, FIXED, TUNABLE, INDEPENDENT };
 enum type { REAL, BOOLEAN };
@@ -110,5 +113,7 @@ int unit_load(struct instance *c, const unsigned char *bytes, size_t size, struc
 void unit_reset(struct instance *c);
 double unit_time(const struct instance *c);
 int unit_refuse(struct instance *c, const char *format, ...);
+
+#pragma GCC visibility pop
 
 #endif
