@@ -2,9 +2,9 @@
 
 ``python tests/tools/kills.py --kills 200 --seed 0`` takes one command after the other, each with a cache folder of its
 own but for the kernels. It is started, killed after a random time, resumed and killed again, until it ends; where it
-was killed before it had begun to keep anything, which it says, it is started anew. Of a search only one process tries
-the same sets again (docs/tuning.md). A command fails where it does not resume, its result differs, or processes are left 10 s after a kill. Every other kill is of the
-command's process alone, which leaves its workers to themselves.
+was killed before it kept anything, which it says, it is started anew. A tuning has one process, as several share out
+its sets by chance. A command fails where it does not resume, its result differs, or processes are left 10 s after a
+kill. Every other kill is of the command's process alone, which leaves its workers to themselves.
 """
 
 import argparse
