@@ -226,7 +226,7 @@ def check_keywords(name: str, unknown: Iterable[str], known: Iterable[str]) -> N
         raise TypeError(f"{name}.__init__() got an unexpected keyword argument {key!r}; it takes: {', '.join(known)}")
 
 
-def as_actions(name: str, given: Any, shape: tuple[int, ...]) -> NDArray[Any]:
+def as_actions(name: str, given: Any, shape: tuple[int, ...] | None) -> NDArray[Any]:
     """Actions as an array of real numbers, from an array, a list or a tensor; ValueError for another shape or kind."""
     try:
         actions = np.asarray(given)
@@ -234,7 +234,7 @@ def as_actions(name: str, given: Any, shape: tuple[int, ...]) -> NDArray[Any]:
         raise ValueError(f"{name} must become an array of shape {shape}, got {given!r}: {error}") from None
     if actions.shape == shape and actions.dtype.kind in "fiu":
         return actions
-    remedy = f"; numpy.reshape({name}, {shape}) has it" if actions.size == math.prod(shape) else ""
+    remedy = f"; numpy.reshape({name}, {shape}) has it" if actions.size == math.prod(shape or ()) else ""
     raise ValueError(f"{name} must be an array of shape {shape} of real numbers, got {given!r}{remedy}")
 
 
