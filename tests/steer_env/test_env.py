@@ -475,7 +475,26 @@ def test_what_is_drawn_changes_the_car_and_an_option_fixes_it():
     assert end({}) != usual
 
 
-@pytest.mark.parametrize(("name", "value"), dict(zip(randomise.OF_PLANT, (9.0, 0.5, 20.0, 2.0, 0.1, 0.2, 0.3))).items())
+@pytest.mark.parametrize(
+    ("law", "chassis"), list(zip(friction.available(), itertools.cycle(["single_track", "two_track"])))
+)
+def test_friction_does_not_act_straight_ahead(law, chassis):
+    """A draw of friction alone begins as the plant that was driven straight with it, to the bit."""
+    options = {"friction_level": 1.7, "friction_load": 0.2, "friction_asymmetry": 0.2, "friction_position": 0.3}
+    env = gym.make("steer_env/AssistWeave-v1", friction=law, chassis=chassis, randomise={"friction_level": (0.5, 2.0)})
+    batch = env.unwrapped.batch
+    env.reset(seed=0, options=options)
+    drawn = batch.conditions[0]
+    assert not drawn.same_plant(batch.usual_conditions)
+    numbers, state, channels = batch._settled(batch._plant(drawn, batch.task.robot, batch.driver))
+    given = batch._start_of(drawn, batch.task.robot, True)
+    for one, other in zip((numbers, state, channels), given):
+        assert one.tobytes() == other.tobytes()
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), zip((*randomise.OF_MOTION, *randomise.OF_FRICTION), (9.0, 0.5, 20.0, 2.0, 0.1, 0.2, 0.3))
+)
 def test_each_condition_alone_changes_the_plant(name, value):
     batch = gym.make("steer_env/DriverLaneKeeping-v1", control_dt=0.01).unwrapped.batch
     batch.start(0, np.random.default_rng(0), {})
