@@ -1,6 +1,7 @@
 """One environment class for all tasks: the task makes it lane keeping, a weave or a lane change."""
 
 import inspect
+import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -74,7 +75,7 @@ class SteerEnv(PlainSpecification, gym.Env):
 
     ``info`` has the same keys at reset, at every step and at the end: every plant channel under its name in SI;
     ``cost``; dicts of floats ``reward_terms``, ``cost_terms``, ``conditions`` (what was drawn: ``RANGES``, and
-    ``friction_<parameter>`` for each parameter of the law that is drawn) and ``metrics`` (of the episode so far, NaN
+    ``friction_<parameter>`` for each parameter of the law that is drawn) and ``metrics`` (of the episode so far, zero
     at reset); and the integer ``failure``. ``terminated`` and ``truncated`` alone tell the end. The budget of every
     cost for an episode is ``cost_limit``.
 
@@ -121,7 +122,7 @@ class SteerEnv(PlainSpecification, gym.Env):
         self.batch.start(0, self.np_random, options or {})
         if self._renderer is not None:
             self._renderer.start()
-        return self._observation.copy(), self._infos.of_first_at_reset()
+        return self._observation.copy(), self._infos.of_first(0.0, 0)
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Hold an action in [-1, 1] for ``control_dt``; an action beyond is clipped, as a motor or an arm would do.
@@ -129,13 +130,13 @@ class SteerEnv(PlainSpecification, gym.Env):
         Raises
         ------
         ValueError
-            The action has another shape or is not finite.
+            The action, an array (1,), list or tensor, has another shape or is not finite.
         RuntimeError
-            The episode is over or has not begun.
+            The episode is over or has not begun, or the environment was closed.
         """
         batch = self.batch
         if not isinstance(action, np.ndarray) or action.shape != (1,) or action.dtype.kind not in "fiu":
-            raise ValueError(f"action must be an array of shape (1,) of real numbers, got {action!r}")
+            action = as_actions("action", action, (1,))
         if not -1.0 <= action.item() <= 1.0:
             action = clipped(action)
         if batch.over[0]:
@@ -199,7 +200,8 @@ class SteerEnv(PlainSpecification, gym.Env):
         return self._renderer.given()
 
     def close(self) -> None:
-        """Release the renderer."""
+        """Release the renderer, and end the episode."""
+        self.batch.over[0] = True
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None
@@ -222,6 +224,18 @@ def check_keywords(name: str, unknown: Iterable[str], known: Iterable[str]) -> N
     """
     for key in unknown:
         raise TypeError(f"{name}.__init__() got an unexpected keyword argument {key!r}; it takes: {', '.join(known)}")
+
+
+def as_actions(name: str, given: Any, shape: tuple[int, ...] | None) -> NDArray[Any]:
+    """Actions as an array of real numbers, from an array, a list or a tensor; ValueError for another shape or kind."""
+    try:
+        actions = np.asarray(given)
+    except (RuntimeError, TypeError, ValueError) as error:  # a ragged list, a tensor of another device
+        raise ValueError(f"{name} must become an array of shape {shape}, got {given!r}: {error}") from None
+    if actions.shape == shape and actions.dtype.kind in "fiu":
+        return actions
+    remedy = f"; numpy.reshape({name}, {shape}) has it" if actions.size == math.prod(shape or ()) else ""
+    raise ValueError(f"{name} must be an array of shape {shape} of real numbers, got {given!r}{remedy}")
 
 
 def clipped(actions: NDArray[Any]) -> NDArray[Any]:

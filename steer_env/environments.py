@@ -67,7 +67,7 @@ def _documentation(task: Task) -> str:
         "## Cost\n\nFor constrained learning: each cost is a quantity over its budget for an episode, so that the "
         'budget of each is 1 (`cost_limit`). The terms are in `info["cost_terms"]`, their sum is `info["cost"]`.',
         table(("cost", "budget per episode", "unit", "quantity"), costs),
-        '## Metrics\n\nThose of the episode so far are in `info["metrics"]`, NaN at its start.',
+        '## Metrics\n\nThose of the episode so far are in `info["metrics"]`, zero at its start.',
         table(("metric", "unit", "over the episode", "of"), metrics),
         "## Start",
         textwrap.fill(task.begins, 118),

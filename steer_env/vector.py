@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from steer_env.engine.infos import Infos, of_some
 from steer_env.engine.specification import PlainSpecification
 from steer_env.engine.state import State, copied, restore
-from steer_env.env import batch_of, clipped
+from steer_env.env import as_actions, batch_of, clipped
 from steer_env.friction.numerics.check import whole
 from steer_env.friction.numerics.thread_pool import most_threads
 from steer_env.rendering.modes import VECTOR_MODES, checked_mode, frame_rate
@@ -131,13 +131,7 @@ class SteerVectorEnv(PlainSpecification, VectorEnv):
             There was no ``reset`` yet, or an episode is over in DISABLED mode.
         """
         batch, mode = self.batch, self.autoreset_mode
-        if (
-            not isinstance(actions, np.ndarray)
-            or actions.shape != (self.num_envs, 1)
-            or actions.dtype.kind not in "fiu"
-        ):
-            raise ValueError(f"actions must be an array of shape ({self.num_envs}, 1) of real numbers, got {actions!r}")
-        actions = clipped(actions)
+        actions = clipped(as_actions("actions", actions, (self.num_envs, 1)))
         over = batch.over.copy()
         ended = np.flatnonzero(over).tolist()
         if ended and (mode == AutoresetMode.DISABLED or not batch.episodes["end"].any()):
@@ -224,6 +218,8 @@ class SteerVectorEnv(PlainSpecification, VectorEnv):
         return tuple(renderer.given() for renderer in self._renderers)
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Stop the threads and release the renderers."""
+        """Stop the threads, release the renderers, and end the episodes."""
         self.batch.close()
+        self.batch.over[:] = True
+        self.batch.episodes["end"] = 0  # so that no step resets
         self._renderers = []

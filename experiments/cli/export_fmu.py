@@ -10,7 +10,7 @@ from steer_env.experiments.pages import car_options
 GROUP = "couple"
 
 # As in steer_env.connect.fmu, whose import takes long.
-PLATFORMS = ("linux64", "win64", "aarch64", "macos")
+PLATFORMS = ("linux64", "win64", "aarch64", "macos", "source")
 VERSIONS = (2, 3)
 PROCESSORS = ("x86-64", "x86-64-v2", "x86-64-v3", "x86-64-v4", "native")
 
@@ -22,7 +22,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         speed="that is held at first, which the FMU takes as a parameter",
         hands=", at first; the parameter robot of the FMU",
     )
-    text = "platform to include a binary for; may be repeated (default: linux64)"
+    text = "platform to include a binary for, or the sources; may be repeated (default: linux64)"
     parser.add_argument("--platform", dest="platforms", choices=PLATFORMS, action="append", help=text)
     parser.add_argument("--fmi", type=int, choices=VERSIONS, default=2, help="version of FMI (default: 2)")
     text = "least processor of the machine that runs the FMU; native is that of this machine (default: x86-64-v3)"

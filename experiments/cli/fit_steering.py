@@ -1,7 +1,7 @@
 """Identify hand torque and friction from a free drive, judged on what was not fitted.
 
 The drive holds handwheel angle, torque of the torsion bar and speed. Every friction law is fitted in turn. Writes a
-page, a file of each law, and a car file (docs/road_drive.md).
+page and a car that was fitted to the drive, with its friction (docs/road_drive.md).
 """
 
 import argparse
@@ -26,7 +26,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--law", metavar="LAW", nargs="+", action="extend", help=text)
     options.add_page(
-        parser, "for index.html, fit.json, LAW.json, car.toml, replaced as a whole", otherwise="steering_NAME"
+        parser, "for index.html, fit.json, car.toml, friction.json, replaced as a whole", otherwise="steering_NAME"
     )
     text = "share of the record, its last part, that judges and is not fitted (default: 0.35)"
     parser.add_argument("--held-out", metavar="SHARE", type=options.real, default=0.35, help=text)
@@ -43,6 +43,7 @@ def run(args: argparse.Namespace) -> None:
     if len(args.mapping) > 1:
         raise ValueError(f"{len(args.mapping)} mappings are given for one drive")
 
+    from steer_env.experiments.calibration.column_fit import ColumnFit, fit_column
     from steer_env.experiments.cli.common.tables import print_steering
     from steer_env.experiments.pages import files, provenance
     from steer_env.experiments.pages.options import progress
@@ -58,22 +59,24 @@ def run(args: argparse.Namespace) -> None:
     with progress("fitting") as notify:
         found = identify(drive, laws=args.law, held_out=args.held_out, seed=args.seed, notify=notify)
     print_steering(found, name)
-    of_car = steering_fit.driven(found, car)
-    print(
-        f"the car file, driven through the same angles: {of_car.refused}"
-        if of_car.refused
-        else f"the car file, driven through the same angles and speeds, predicts with RMS {of_car.residual:.3f} N m"
-    )
+    of_car: ColumnFit | str
+    try:
+        with progress("fitting the car") as notify:
+            of_car = fit_column(found, car, args.seed, notify)
+        print(f"the car, fitted with boost and friction, leaves {of_car.residual:.3f} N m where nothing was fitted")
+    except ValueError as error:
+        of_car = str(error)
+        print(f"no car is written: {of_car}")
     trace = provenance.trace(
         command=args.argv,
         result=out.name,
         car=car,
-        friction={row.name: steering_fit.of_level(row) for row in found.dry},
+        friction={row.name: row.model.friction for row in found.dry if row.model.friction is not None},
         inputs=inputs.of(args),
         seed=args.seed,
         mapping=mapping_of(0, args).plain(),
     )
-    steering_fit.write(out, found, name, car, of_car, trace)
+    steering_fit.write(out, found, name, of_car, trace)
     print(out / "index.html")
 
 

@@ -187,7 +187,7 @@ def modes(car: Car) -> list[Quantity]:
 
 def suspension(car: Car) -> list[Quantity]:
     """Kinematics and compliance of both axles straight ahead."""
-    group, slopes, pose = _Group("Kinematics and compliance"), car_suspension.slopes(car), car.strut.solve(0.0, 0.0)
+    group, slopes, pose = _Group("Kinematics and compliance"), car_suspension.slopes(car), car.strut.straight
     heights = float(pose.roll_centre_height), car.chassis["rear_roll_centre"]
     for i, axle in enumerate(("front", "rear")):
         group.add(f"{axle}_roll_centre", f"height of the {axle} roll centre", 1e3 * heights[i], "mm")

@@ -49,7 +49,7 @@ def slopes(car: Car) -> Slopes:
     """
     c, low, high = car.chassis, car.strut.solve(0.0, -STEP), car.strut.solve(0.0, STEP)
     toe, camber = (float(getattr(high, name) - getattr(low, name)) / (2.0 * STEP) for name in ("toe", "camber"))
-    pose = car.strut.solve(0.0, 0.0)
+    pose = car.strut.straight
     work = load_coefficients(pose)
     # A unit load on both front wheels moves the rack by twice its work over the stiffness (P5).
     steered = 2.0 * car.steer_per_rack() / car.rack_stiffness()
@@ -67,7 +67,7 @@ def slopes(car: Car) -> Slopes:
 def ideal_right(car: Car, left: Array) -> Array:
     """Steer angle of the right wheel with which it and the left wheel turn without slip (Ackermann) [rad]."""
     c = car.chassis
-    apart = c["front_track"] - 2.0 * float(car.strut.solve(0.0, 0.0).scrub)  # of the king-pin axes on the ground
+    apart = c["front_track"] - 2.0 * float(car.strut.straight.scrub)  # of the king-pin axes on the ground
     wheelbase = c["front_axle"] + c["rear_axle"]
     return np.arctan2(wheelbase * np.sin(left), wheelbase * np.cos(left) + apart * np.sin(left))
 

@@ -1,7 +1,7 @@
 """The page and the files of a hand torque that was identified from a drive (:mod:`steer_env.hand_torque`).
 
-``write`` makes ``index.html``, ``fit.json`` with everything, ``LAW.json`` for each dry law, which ``--friction`` takes,
-and ``car.toml``, a packaged car with what the drive says of it.
+``write`` makes ``index.html``, ``fit.json`` with everything, and, where its car can be driven through the drive,
+``car.toml``, fitted to it, with ``friction.json``, the friction at its column, which ``--friction`` takes.
 """
 
 import math
@@ -11,30 +11,23 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
-from scipy.interpolate import CubicSpline
 
 from steer_env import friction
+from steer_env.experiments.calibration.column_fit import TERMS, ColumnFit
 from steer_env.experiments.pages.files import replaced_directory
 from steer_env.experiments.pages.pages import Page, image, place
 from steer_env.experiments.pages.plots import thinned
 from steer_env.experiments.pages.style import PALETTE, new_figure, styled
 from steer_env.experiments.reports.friction_fit_page import LAW_TITLES
 from steer_env.friction.fitted_file import UNITS as LAW_UNITS
-from steer_env.friction.law import LAWS
 from steer_env.hand_torque import Identified
 from steer_env.hand_torque.drive import FEWEST
 from steer_env.hand_torque.fit import NONE, VISCOUS, Fitted, at_ends
-from steer_env.hand_torque.model import MAPS, RATE, UNITS, Array, on_samples, stretched
-from steer_env.manoeuvres import Manoeuvre, drive
-from steer_env.manoeuvres.common.shapes import ramp_and_hold
+from steer_env.hand_torque.model import MAPS, RATE, UNITS, on_samples
 from steer_env.metrics.common.just_noticeable import LEAST, SHARE
 from steer_env.vehicle import cars
-from steer_env.vehicle.chassis.common.interface import SPEED_MAX, SPEED_MIN, TARGET_SPEED
 
 ROWS = 10  # of the first table
-FADE = 2.0  # from straight ahead to the angle of the drive ...
-RUN_IN = 10.0  # ... and from there to the first sample that judges, so that the car follows; both assumed [s]
-LONGEST = 600.0  # of the judging part that a car is driven through, assumed [s]
 SECONDS = 30.0  # of the judging part that are drawn over time [s]
 POINTS = 1500  # of a picture, at most
 TITLES = {NONE: "no damping, no friction", VISCOUS: "damping alone (viscous)"}
@@ -61,17 +54,9 @@ MEANINGS = {
 }
 
 
-class Driven(NamedTuple):
-    """What a car leaves of the judging part that is driven through its handwheel angles and speeds."""
-
-    residual: float = math.nan  # root mean square of its torque and T_0 less the measured torque [N m]
-    slope: float = math.nan  # of the measured torque over its torque, by regression [1]
-    refused: str = ""  # why it could not be driven
-
-
 def contents() -> frozenset[str]:
     """Names of the files of an output."""
-    return frozenset({"index.html", "fit.json", "car.toml", *(f"{law}.json" for law in LAWS.available())})
+    return frozenset({"index.html", "fit.json", "car.toml", "friction.json"})
 
 
 def title(name: str) -> str:
@@ -91,88 +76,35 @@ def first_rows(found: Identified) -> list[Fitted]:
     return [row for row in found.rows if row.name in dry or row.name in TITLES]
 
 
-def law_file(found: Identified, row: Fitted) -> dict[str, Any]:
-    """The file of a dry law, which ``friction="LAW.json"`` takes: its level is that of the hands, after the assist."""
+def law_file(fit: ColumnFit, law: str) -> dict[str, Any]:
+    """The file of the friction at the column of the fitted car, which ``friction="friction.json"`` takes."""
     return {
-        "friction": friction.as_mapping(of_level(row)),
+        "friction": friction.as_mapping(fit.friction),
         "units": dict(LAW_UNITS),
         "level": None,
-        "interval_of_level": [_plain(x) for x in row.level_interval],
+        "interval_of_level": list(fit.intervals["F_c"]),
         "undetermined": [],
-        "notes": [
-            "identified from one drive at the torsion bar, behind an unknown assist: the friction below it is larger by"
-            " one plus the assist's gain",
-            *found.drive.notes,
-        ],
+        "notes": [f"{law} friction at the column of car.toml beside this file, identified with it from one drive"],
     }
 
 
-def of_level(row: Fitted) -> Any:
-    """Parameters of a row's law with the level of the whole drive."""
-    return stretched(row.name, max(row.level, 1e-3), row.x_c if math.isfinite(row.x_c) else math.radians(0.3))
-
-
-def car(found: Identified, base: cars.Car, name: str) -> cars.Car:
-    """A car with what the drive says of it: no increase of the friction by load, as the level is that of the drive."""
-    changed = cars.load(base.data(), {"steering.friction_load": 0.0})
-    told = (
-        f"the level of its friction ({found.best.level:.3g} N m at the hands, {found.best.name}.json beside this file)"
-    )
-    return changed._replace(
+def fitted_car(fit: ColumnFit, name: str) -> cars.Car:
+    """The fitted car with its name and where it comes from."""
+    base = fit.car
+    return base._replace(
         name=f"{base.name}_{name}",
-        description=f"{base.name}, with friction identified from the drive {name}",
-        source=f"identified from the drive {name}: {told}, steering.friction_load = 0. Everything else is the prior, "
-        f"{base.name}: {base.source}",
+        description=f"{base.name}, with boost, motor damping and friction identified from the drive {name}",
+        source=f"identified from the drive {name}: assist.boost, assist.damping and the friction in friction.json "
+        f"beside this file, with steering.friction_load = 0. Everything else is the prior, {base.name}: {base.source}",
     )
 
 
-def driven(found: Identified, base: cars.Car) -> Driven:
-    """Drive column and chassis of a car, with the best law of the fitted part, through the judging part.
-
-    No torque of the judging part is used, as in the prediction by (H1).
-    """
-    d, best = found.drive, found.best
-    first = max(found.first - round(RUN_IN * RATE), 0)
-    part = slice(first, found.first + round(LONGEST * RATE))
-    time, speed = d.time[part] - d.time[first], np.clip(d.speed[part], SPEED_MIN, SPEED_MAX)
-    curve = CubicSpline(time, d.angle[part])
-
-    def hand(t: Array, amplitude: float) -> tuple[Array, Array]:
-        on, change = ramp_and_hold(t, 1.0, FADE)
-        return amplitude * on * curve(t), amplitude * (change * curve(t) + on * curve(t, 1))
-
-    manoeuvre = Manoeuvre(
-        name="drive",
-        hands="the handwheel angle of a drive",
-        source="the drive",
-        speed=float(speed[0]),
-        duration=float(time[-1]),
-        hand=hand,
-        amplitude=1.0,
-        chassis="two_track",
-        others={TARGET_SPEED: lambda t: np.interp(t, time, speed) - speed[0]},
-    )
-    law = friction.make("viscous", sigma_2=0.0) if best.judged.friction is None else best.judged.friction
-    try:
-        made = drive(cars.load(base.data(), {"steering.friction_load": 0.0}), manoeuvre, law)
-    except ValueError as error:
-        return Driven(refused=str(error))
-    used = (d.weight[part] > 0.0) & (np.arange(first, first + time.size) >= found.first)
-    torque = np.interp(time, made.time, made["torsion_bar_torque"])[used] + best.judged.terms["T_0"]
-    measured = d.torque[part][used]
-    return Driven(float(np.sqrt(np.mean((torque - measured) ** 2))), float(np.polyfit(torque, measured, 1)[0]))
-
-
-def as_json(found: Identified, of_car: Driven) -> dict[str, Any]:
+def as_json(found: Identified, of_car: ColumnFit | str) -> dict[str, Any]:
     """Everything that was found, as JSON; null for a number that is not finite."""
     d = found.drive
     return {
         "verdict": page_of(found, "", "").verdict[0],
-        "car_driven": {
-            "residual": _plain(of_car.residual),
-            "measured_over_predicted": _plain(of_car.slope),
-            "refused": of_car.refused,
-        },
+        "car": {"refused": of_car} if isinstance(of_car, str) else _car(of_car),
         "judged_from": float(d.time[found.first]),
         "seconds_fitted": float(d.weight[: found.first].sum() * d.dt),
         "seconds_judged": float(d.weight[found.first :].sum() * d.dt),
@@ -187,9 +119,21 @@ def as_json(found: Identified, of_car: Driven) -> dict[str, Any]:
         "shape": found.shape,
         "shapes": {each.name: {"by_time": each.by_time, "beyond": each.beyond} for each in found.shapes},
         "prior": d.prior._asdict(),
-        "not_determined": [*PRIOR, "boost"],
+        "not_determined": list(PRIOR),
         "notes": [*d.notes, *at_ends(found)],
         "rows": {row.name: _row(row) for row in found.rows},
+    }
+
+
+def _car(fit: ColumnFit) -> dict[str, Any]:
+    return {
+        "residual": fit.residual,
+        "adds": fit.adds,
+        "adds_interval": list(fit.adds_interval),
+        "terms": {
+            name: {"value": value, "interval": list(fit.intervals[name]), "unit": TERMS[name].unit}
+            for name, value in fit.terms.items()
+        },
     }
 
 
@@ -235,8 +179,8 @@ def measured_over_predicted(found: Identified) -> Figure:
     return figure
 
 
-def page_of(found: Identified, name: str, folder: str, of_car: Driven | None = None) -> Page:
-    """The page; ``name`` is that of the drive, and ``of_car`` what its car file leaves."""
+def page_of(found: Identified, name: str, folder: str, of_car: ColumnFit | str = "") -> Page:
+    """The page; ``name`` is that of the drive, ``of_car`` the fitted car, or why there is none."""
     best = found.best
     terms = [Term(key, value, UNITS[key], MEANINGS[key]) for key, value in best.model.terms.items()]
     values = {
@@ -244,7 +188,9 @@ def page_of(found: Identified, name: str, folder: str, of_car: Driven | None = N
         "drive_name": name,
         "folder": folder,
         "drive": found.drive,
-        "of_car": of_car,
+        "of_car": None if isinstance(of_car, str) else of_car,
+        "refused": of_car,
+        "car_terms": TERMS,
         "notes": [*found.drive.notes, *at_ends(found)],
         "best": best,
         "rows": first_rows(found),
@@ -264,13 +210,16 @@ def page_of(found: Identified, name: str, folder: str, of_car: Driven | None = N
     return Page("steering_fit", values)
 
 
-def write(out: Path, found: Identified, name: str, base: cars.Car, of_car: Driven, trace: Mapping[str, Any]) -> None:
-    """Write page, files of laws and car into a directory, which appears or is replaced as a whole.
+def write(out: Path, found: Identified, name: str, of_car: ColumnFit | str, trace: Mapping[str, Any]) -> None:
+    """Write page, JSON and the fitted car with its friction into a directory, which is replaced as a whole.
 
-    ``of_car`` is of :func:`driven`, ``trace`` of :func:`steer_env.experiments.pages.provenance.trace`; page and JSON
-    files hold both.
+    ``of_car`` is of :func:`steer_env.experiments.calibration.column_fit.fit_column`, or says why there is none;
+    ``trace`` is of :func:`steer_env.experiments.pages.provenance.trace`. Page and JSON files hold both.
     """
-    laws = {f"{row.name}.json": law_file(found, row) for row in found.dry}
+    files = {"fit.json": as_json(found, of_car)}
+    if not isinstance(of_car, str) and of_car.friction is not None:
+        files["friction.json"] = law_file(of_car, title(found.best.name))
     with replaced_directory(out, contents()) as part:
-        place(part, page_of(found, name, out.name, of_car), {"fit.json": as_json(found, of_car), **laws}, trace)
-        cars.write(car(found, base, name), part / "car.toml")
+        place(part, page_of(found, name, out.name, of_car), files, trace)
+        if not isinstance(of_car, str):
+            cars.write(fitted_car(of_car, name), part / "car.toml")

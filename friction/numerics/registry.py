@@ -97,6 +97,10 @@ class Registry(Generic[T]):
             raise ValueError(f"unknown {self.kind} {name!r}; available: {', '.join(self.available())}")
         return self._things[name]
 
+    def __contains__(self, name: object) -> bool:
+        """Whether there is a thing called ``name``; one that is imported is found without a look at the folder."""
+        return isinstance(name, str) and (name in self._things or name in self._files())
+
     def registered(self) -> list[T]:
         """The things whose modules are imported, those from elsewhere among them."""
         return list(self._things.values())

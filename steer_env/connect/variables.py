@@ -21,7 +21,7 @@ from steer_env.vehicle.chassis import chassis_of
 from steer_env.vehicle.chassis.two_track.parameters import Body
 from steer_env.vehicle.keys import Key, declared_keys
 from steer_env.vehicle.road import FRICTION, HEIGHT, Road, WheelRoad
-from steer_env.vehicle.subsystems import Subsystem
+from steer_env.vehicle.subsystems import Subsystem, poses
 from steer_env.vehicle.subsystems.chassis import HELD_SPEED
 from steer_env.vehicle.tyre.coefficients import MagicFormula
 
@@ -79,7 +79,7 @@ class Variable(NamedTuple):
     name: str
     unit: str  # "" where none is known, or for a boolean
     description: str
-    array: str  # of the unit: NUMBERS, GIVEN, OUTPUTS or TIME
+    array: str  # of the unit: NUMBERS, GIVEN, OUTPUTS, POSES or TIME
     place: int  # position there
     use: str  # INPUT, OUTPUT, FIXED, TUNABLE or INDEPENDENT
     boolean: bool
@@ -104,7 +104,8 @@ def _comments(owner: type) -> dict[str, tuple[str, str]]:
     return found
 
 
-def _described(leaf: Leaf, field: str, owner: type | None) -> tuple[str, str]:
+def described(leaf: Leaf, field: str, owner: type | None) -> tuple[str, str]:
+    """What the comment beside a field says, and its unit."""
     text, unit = _comments(owner).get(field, ("", "")) if owner else ("", "")
     law = LAWS.of(owner)
     return text or field.replace("_", " "), law.units.get(field, unit) if law else unit
@@ -171,7 +172,7 @@ def _parameters(subsystem: Subsystem) -> Iterator[Variable]:
         if leaf.path[0] not in subsystem.sections or not _settable(leaf):
             continue
         for name, field, owner, place, value in _elements(leaf):
-            text, unit = _described(leaf, field, owner)
+            text, unit = described(leaf, field, owner)
             if owner is WheelRoad:
                 bounds = _ROAD[field.partition("_")[0]]
                 yield Variable(f"road_{field}", unit, text, "NUMBERS", place, "INPUT", False, value, *bounds)
@@ -208,7 +209,8 @@ def variables(subsystem: Subsystem, version: int) -> list[Variable]:
         for i, s in enumerate(subsystem.given)
     ]
     outputs = [
-        Variable(s.name, s.unit, s.description, "OUTPUTS", i, "OUTPUT", False, float(subsystem.shown[i]), s.low, s.high)
+        Variable(s.name, s.unit, s.description, array, i, "OUTPUT", False, float(subsystem.shown[i]), s.low, s.high)
         for i, s in enumerate(subsystem.outputs)
+        for array in ("POSES" if s.name in poses.NAMES else "OUTPUTS",)
     ]
     return [*inputs, *outputs, *_parameters(subsystem), *((TIME,) if version == 3 else ())]

@@ -187,18 +187,19 @@ class EnvironmentBatch:
         p = with_level(p, drawn)
         return p if robot or driver is None else drivers.with_arms(p, driver.arm)
 
-    def _runner(self, p: plant.Plant) -> Callable[..., None]:
-        """Runs one plant as :func:`steer_env.vehicle.plant.run` does, but by the kernel that the batch has compiled."""
-        numbers, finite = pack(p).numbers[None], np.ones(1, bool)
+    def _runner(self, numbers: Array) -> Callable[..., None]:
+        """Runs the plant of these numbers as :func:`steer_env.vehicle.plant.run` does, by the batch's own kernel."""
+        finite = np.ones(1, bool)
 
         def run(_: Any, state: Array, inputs: Array, channels: Array, substeps: int) -> None:
-            self._advance(self._template, numbers, state[None], inputs[None], channels, finite, 0, 1)
+            self._advance(self._template, numbers[None], state[None], inputs[None], channels, finite, 0, 1)
 
         return run
 
     def _settled(self, p: plant.Plant) -> tuple[Array, Array, Array]:
         """Numbers, settled state and channels of a plant."""
-        return (pack(p).numbers, *plant.settled(p, self._runner(p)))
+        numbers = pack(p).numbers
+        return (numbers, *plant.settled(p, self._runner(numbers)))
 
     @property
     def usual_conditions(self) -> Conditions:
@@ -211,7 +212,7 @@ class EnvironmentBatch:
         As :func:`steer_env.manoeuvres.common.driving.sine_response`, with an amplitude [rad] and a frequency [Hz].
         """
         p = self._plant(conditions, robot=True)
-        return sine_response(p, amplitude, frequency, self._runner(p))
+        return sine_response(p, amplitude, frequency, self._runner(pack(p).numbers))
 
     def start(self, i: int, rng: np.random.Generator, options: Mapping[str, Any]) -> None:
         """Begin an episode in row ``i``; ``options`` fix what would be drawn. ValueError for an unknown option."""
@@ -276,8 +277,12 @@ class EnvironmentBatch:
         a.finite[i] = True
 
     def _start_of(self, drawn: Conditions, robot: bool, driven: bool) -> tuple[Array, Array, Array]:
-        if drawn.same_plant(self._randomise.usual) and self.task.draw_scenario is None:
-            return self._usual_start
+        usual = self._randomise.usual
+        if self.task.draw_scenario is None and drawn.same_motion(usual):
+            if drawn.same_plant(usual):
+                return self._usual_start
+            p = with_level(self._template._replace(friction=drawn.friction), drawn)
+            return (pack(p).numbers, *self._usual_start[1:])  # friction does not act straight ahead
         return self._settled(self._plant(drawn, robot, self.driver if driven else None))
 
     def step(self, actions: NDArray[np.float32], generators: Sequence[np.random.Generator]) -> None:

@@ -1,6 +1,5 @@
 """What ``info`` holds: the same keys and types at reset, at every step and at an episode's end, single and vector."""
 
-import math
 from collections.abc import Iterable
 from typing import Any
 
@@ -15,8 +14,8 @@ Mask = NDArray[np.bool_]
 class Infos:
     """Infos of a batch: channels by name, ``cost``, ``failure``, and dicts of floats by name.
 
-    The dicts are ``reward_terms``, ``cost_terms``, ``conditions`` (what was drawn) and ``metrics`` (so far; NaN before
-    the first step).
+    The dicts are ``reward_terms``, ``cost_terms``, ``conditions`` (what was drawn) and ``metrics`` (so far; zero
+    before the first step).
     """
 
     def __init__(self, batch: EnvironmentBatch) -> None:
@@ -59,12 +58,6 @@ class Infos:
         info["metrics"] = dict(zip(measured, metrics.tolist()))
         info["conditions"] = self._conditions.copy()
         info["cost"], info["failure"] = cost, failure
-        return info
-
-    def of_first_at_reset(self) -> dict[str, Any]:
-        """The info of row 0 at a reset. Its NaN are one object, so that ``==`` finds the infos of two resets equal."""
-        info = self.of_first(0.0, 0)
-        info["metrics"] = dict.fromkeys(info["metrics"], math.nan)
         return info
 
     def of_all(self, mask: Mask | None = None) -> dict[str, Any]:

@@ -135,12 +135,9 @@ def _accumulate(kinds, dt, present, accumulated):
 
 @kernel
 def _conclude(kinds, time, accumulated, so_far):
-    """The metrics (F,) of the time [s] that has been evaluated; NaN before any."""
+    """The metrics (F,) of the time [s] that has been evaluated; zero before any."""
     for k in range(kinds.size):
-        if time == 0.0:
-            so_far[k] = math.nan
-        else:
-            so_far[k] = math.sqrt(accumulated[k] / time) if kinds[k] == RMS else accumulated[k]
+        so_far[k] = math.sqrt(accumulated[k] / time) if kinds[k] == RMS and time > 0.0 else accumulated[k]
 
 
 @kernel

@@ -33,10 +33,8 @@ RANGES = {
     "action_gain": (0.1, 2.0, "factor on the action's effect, as of an actuator stronger than it should be [1]"),
     "action_lag": (0.0, 0.2, "first-order lag of the torque behind the action; muscles of the driver models: 0.05 [s]"),
 }
-OF_PLANT = (
-    *("load", "road_friction", "speed"),
-    *("friction_level", "friction_load", "friction_asymmetry", "friction_position"),
-)
+OF_MOTION = ("load", "road_friction", "speed")  # that change how a car runs straight ahead
+OF_FRICTION = ("friction_level", "friction_load", "friction_asymmetry", "friction_position")
 LIMITS = {name: (low, high) for name, (low, high, _) in RANGES.items()}
 # Standard deviations of white noise at each control step, as good production sensors have; assumed [SI].
 SENSOR_NOISE = {
@@ -74,7 +72,12 @@ class Conditions(NamedTuple):
 
     def same_plant(self, other: "Conditions") -> bool:
         """Whether plant and start are those of other conditions of the same environment."""
-        return self.friction is other.friction and all(getattr(self, key) == getattr(other, key) for key in OF_PLANT)
+        same = all(getattr(self, key) == getattr(other, key) for key in OF_FRICTION)
+        return self.friction is other.friction and same and self.same_motion(other)
+
+    def same_motion(self, other: "Conditions") -> bool:
+        """Whether the car runs straight ahead as in other conditions of the same environment."""
+        return all(getattr(self, key) == getattr(other, key) for key in OF_MOTION)
 
     def values(self, names: Sequence[str]) -> list[float]:
         """Values by name: keys of :data:`RANGES`, and ``friction_<parameter>`` of the law; NaN where there is none."""

@@ -202,14 +202,15 @@ def _is_law(name: str | None) -> bool:
     return name not in (NONE, VISCOUS, None)
 
 
-def _blocks(samples: int) -> Array:
+def blocks(samples: int) -> NDArray[np.int64]:
     """Block of each sample (T,)."""
     size = round(BLOCK * RATE)
     count = max(round(samples / size), 1)
     return np.minimum(np.arange(samples) // size, count - 1)
 
 
-def _sums(X: Array, torque: Array, weight: Array, block: Array) -> Sums:
+def sums_of(X: Array, torque: Array, weight: Array, block: NDArray[np.int64]) -> Sums:
+    """Sums by block of the products of terms (T, m) and torque (T,), of the samples whose weight is above zero."""
     count, used = int(block.max()) + 1, weight > 0.0
     parts = [(X[inside], torque[inside]) for inside in (used & (block == b) for b in range(count))]
     return Sums(
@@ -224,7 +225,7 @@ def _candidates(
     drive: Drive,
     shape: str,
     name: str,
-    block: Array,
+    block: NDArray[np.int64],
     grid: Sequence[float] | None = None,
     distances: Sequence[float] = X_C,
     growths: Sequence[float] = (0.0,),
@@ -241,7 +242,7 @@ def _candidates(
     for a_c in (A_C if "T_c" in names else A_C[:1]) if grid is None else grid:
         X = columns(others, a, a_c, angle, dt)
         for (x, c), unit in zip(pairs, units):
-            sums = _sums(np.column_stack([X, unit]), drive.torque, drive.weight, block)
+            sums = sums_of(np.column_stack([X, unit]), drive.torque, drive.weight, block)
             found.append(Candidate(names, a_c, x if stretches else np.nan, c, sums))
     return found
 
@@ -299,7 +300,7 @@ def _shapes(drive: Drive, first: int, law: str | None) -> tuple[Shape, ...]:
     inner = [np.quantile(size[part.weight > 0.0], share) for share in INNER]
     found = []
     for shape in MAPS:
-        block = np.minimum(_blocks(drive.time.size), _blocks(first).max())
+        block = np.minimum(blocks(drive.time.size), blocks(first).max())
         candidates = _thinned(_candidates(part, shape, name, block))
         left, used = _crossed(candidates, np.array_split(np.arange(int(block.max()) + 1), 8))
         beyond = []
@@ -327,7 +328,7 @@ def _model(drive: Drive, shape: str, name: str, chosen: Candidate, p: Array) -> 
 
 def _row(drive: Drive, first: int, shape: str, name: str, rng: np.random.Generator) -> Fitted:
     """Fit a row to the whole drive and to the part that does not judge; intervals of level and distance."""
-    block = _blocks(drive.time.size)
+    block = blocks(drive.time.size)
     candidates = _candidates(drive, shape, name, block)
     count = int(block.max()) + 1
     chosen, p = _fit(candidates, np.ones(count))
@@ -339,7 +340,7 @@ def _row(drive: Drive, first: int, shape: str, name: str, rng: np.random.Generat
         factor = _lost(drive, shape, name, chosen, p)
         level, ends = _estimate(level, np.array([q[-1] for _, q in draws]), _counted(candidates).size, factor)
         if np.isfinite(chosen.x_c):
-            distances = _ends(np.array([each.x_c for each, _ in draws]))
+            distances = interval_of(np.array([each.x_c for each, _ in draws]))
     early = drive._replace(weight=np.where(np.arange(drive.time.size) < first, drive.weight, 0.0))
     judged = _model(drive, shape, name, *_fit(_candidates(early, shape, name, block), np.ones(count)))
     fitted = early.weight > 0.0
@@ -361,7 +362,7 @@ def _drawn(candidates: Sequence[Candidate], rng: np.random.Generator) -> list[tu
     """Fits to blocks drawn anew."""
     used = _counted(candidates)
     times = np.zeros((DRAWS, candidates[0].sums.n.size))
-    times[:, used] = rng.multinomial(used.size, np.full(used.size, 1.0 / used.size), DRAWS)
+    times[:, used] = redrawn(used.size, rng)
     return [_fit(candidates, each) for each in times]
 
 
@@ -372,7 +373,7 @@ def _estimate(value: float, draws: Array, count: int, factor: float) -> tuple[fl
     """
     tail = 0.5 + 0.5 * LEVEL
     wide = np.sqrt(count / (count - 1.0)) * stats.t.ppf(tail, count - 1) / stats.norm.ppf(tail)
-    low, high = _ends(draws)
+    low, high = interval_of(draws)
     rest = SYSTEMATIC * value
     below, above = np.hypot(wide * (value - low), rest), np.hypot(wide * (high - value), rest)
     return factor * value, (float(factor * max(value - below, 0.0)), float(factor * (value + above)))
@@ -380,7 +381,7 @@ def _estimate(value: float, draws: Array, count: int, factor: float) -> tuple[fl
 
 def _growth(drive: Drive, shape: str, row: Fitted, seed: int) -> tuple[float, tuple[float, float]]:
     """Growth of the level with the load as in (F11), and its interval; the size of a stands for the load."""
-    block, place = _blocks(drive.time.size), X_C.index(row.x_c) if np.isfinite(row.x_c) else 0
+    block, place = blocks(drive.time.size), X_C.index(row.x_c) if np.isfinite(row.x_c) else 0
     near = X_C[max(place - 1, 0) : place + 2]
     candidates = _candidates(drive, shape, row.name, block, (row.model.a_c,), near, GROWTHS)
     chosen, p = _fit(candidates, np.ones(candidates[0].sums.n.size))
@@ -407,7 +408,13 @@ def _lost(drive: Drive, shape: str, name: str, chosen: Candidate, p: Array) -> f
     return float(np.clip(p[-1] / found, 1.0, MOST_LOST)) if found > 0.0 else 1.0
 
 
-def _ends(values: Array) -> tuple[float, float]:
+def redrawn(count: int, seed: int | np.random.Generator, draws: int = DRAWS) -> Array:
+    """How often each of ``count`` blocks counts when as many are drawn anew, (draws, count)."""
+    return np.random.default_rng(seed).multinomial(count, np.full(count, 1.0 / count), draws).astype(float)
+
+
+def interval_of(values: Array) -> tuple[float, float]:
+    """Ends of the interval that holds ``LEVEL`` of the values."""
     low, high = np.quantile(values, [0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL])
     return float(low), float(high)
 
@@ -420,21 +427,21 @@ def _answer(drive: Drive, first: int, shapes: tuple[Shape, ...], rows: list[Fitt
             f"the judging part has {used.size / RATE:.2g} s of use: raise held_out, or take a longer drive"
         )
     predicted = {row.name: on_samples(row.judged, drive.angle, drive.speed, drive.dt) for row in rows}
-    block = _blocks(used.size)
+    block = blocks(used.size)
     count = int(block.max()) + 1
     squares = {
         name: np.bincount(block, (torque[used] - drive.torque[used]) ** 2, count) for name, torque in predicted.items()
     }
     size = np.bincount(block, minlength=count).astype(float)
-    times = np.random.default_rng(seed).multinomial(count, np.full(count, 1.0 / count), DRAWS).astype(float)
+    times = redrawn(count, seed)
     drawn = {name: np.sqrt(times @ each / (times @ size)) for name, each in squares.items()}
     left = {name: float(np.sqrt(each.sum() / size.sum())) for name, each in squares.items()}
     judged = [
         row._replace(
             residual=left[row.name],
-            interval=_ends(drawn[row.name]),
+            interval=interval_of(drawn[row.name]),
             adds=left[VISCOUS] - left[row.name],
-            adds_interval=_ends(drawn[VISCOUS] - drawn[row.name]),
+            adds_interval=interval_of(drawn[VISCOUS] - drawn[row.name]),
         )
         for row in sorted(rows, key=lambda row: left[row.name])
     ]
@@ -442,7 +449,7 @@ def _answer(drive: Drive, first: int, shapes: tuple[Shape, ...], rows: list[Fitt
     equals = [
         name
         for name in dry
-        if left[name] <= (1.0 + ALIKE) * left[dry[0]] or _ends(drawn[name] - drawn[dry[0]])[0] <= 0.0
+        if left[name] <= (1.0 + ALIKE) * left[dry[0]] or interval_of(drawn[name] - drawn[dry[0]])[0] <= 0.0
     ]
     apart = max(
         (float(np.sqrt(np.mean((predicted[a] - predicted[b])[used] ** 2))) for a in equals for b in equals), default=0.0
@@ -463,7 +470,7 @@ def _chosen(found: Identified) -> str:
     kinds = [(VISCOUS, found.row(VISCOUS)), *((DRY, row) for row in sorted(found.dry, key=lambda row: row.crossed)[:1])]
     for kind, row in kinds:
         saved = (found.row(NONE) if chosen == NONE else found.row(VISCOUS)).blocks - row.blocks
-        times = np.random.default_rng(0).multinomial(saved.size, np.full(saved.size, 1.0 / saved.size), 4 * DRAWS)
-        if _ends(times @ saved)[0] > 0.0 and (kind == VISCOUS or row.level_interval[0] > 0.0):
+        times = redrawn(saved.size, 0, 4 * DRAWS)
+        if interval_of(times @ saved)[0] > 0.0 and (kind == VISCOUS or row.level_interval[0] > 0.0):
             chosen = kind
     return chosen

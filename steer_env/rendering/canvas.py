@@ -195,11 +195,16 @@ class Canvas:
         self._pygame.display.flip()
 
     def show(self, title: str, period: float) -> bool:
-        """Show the picture in a window, ``period`` [s] after the last; False once the user has closed the window."""
+        """Show the picture in a window, ``period`` [s] after the last; False once there is no window.
+
+        The user may have closed it. Without a window system a warning says so, as Gymnasium's own environments draw
+        where nobody sees it.
+        """
         try:
             self.open(title)
         except NoWindowError as error:
-            raise RuntimeError(f"render_mode='human' {error}; use render_mode='rgb_array'") from error
+            gym.logger.warn(f"render_mode='human' {error}: nothing is shown; use render_mode='rgb_array'")
+            return False
         if self.events()[1]:
             self.close()
             return False

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.engine.specification import PlainSpecification
-from steer_env.env import check_keywords, clipped
+from steer_env.env import as_actions, check_keywords, clipped
 from steer_env.episode.randomise import LIMITS, Conditions, Randomise
 from steer_env.friction.numerics.check import number, whole
 from steer_env.friction.numerics.frozen import frozen
@@ -250,17 +250,18 @@ class TuneEnv(PlainSpecification, gym.Env):
         Raises
         ------
         ValueError
-            The action has another shape or is not finite.
+            The action, an array, list or tensor, has another shape or is not finite.
         RuntimeError
-            The episode is over or has not begun.
+            The episode is over or has not begun, or the environment was closed.
         """
-        shape = self.action_space.shape
-        if not isinstance(action, np.ndarray) or action.shape != shape:
-            raise ValueError(f"action must be an array of shape {shape}, got {action!r}")
-        action = clipped(action)
+        action = clipped(as_actions("action", action, self.action_space.shape))
         if not self._left:
             raise RuntimeError("the episode is over or has not begun: call reset")
         return self.told(action, driving.tried(self._drives, self.assist(action)))
+
+    def close(self) -> None:
+        """End the episode."""
+        self._left = 0
 
     def assist(self, action: NDArray[Any]) -> Assist:
         """The assist of an action in [-1, 1]."""

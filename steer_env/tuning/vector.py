@@ -23,7 +23,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from steer_env.engine.specification import PlainSpecification
-from steer_env.env import clipped
+from steer_env.env import as_actions, clipped
 from steer_env.episode.randomise import Conditions
 from steer_env.friction.numerics.check import whole
 from steer_env.friction.numerics.thread_pool import most_threads
@@ -255,10 +255,7 @@ class TuneVectorEnv(PlainSpecification, VectorEnv):
         RuntimeError
             An episode is over with DISABLED, or none has begun.
         """
-        shape = self.action_space.shape
-        if not isinstance(actions, np.ndarray) or actions.shape != shape or actions.dtype.kind not in "fiu":
-            raise ValueError(f"actions must be an array of shape {shape} of real numbers, got {actions!r}")
-        actions, over = clipped(actions), self._over.copy()
+        actions, over = clipped(as_actions("actions", actions, self.action_space.shape)), self._over.copy()
         if over.any() and (self.autoreset_mode == AutoresetMode.DISABLED or not self._begun):
             raise RuntimeError("an episode is over or has not begun: call reset")
         # NEXT_STEP: this step resets what is over, whatever the action was.
@@ -336,8 +333,9 @@ class TuneVectorEnv(PlainSpecification, VectorEnv):
         return tuple(env.np_random_seed for env in self.envs)
 
     def close_extras(self, **kwargs: Any) -> None:
-        """End the worker processes."""
+        """End the worker processes and the episodes."""
         self._workers.close()
+        self._over[:], self._begun = True, False
 
 
 @dataclass

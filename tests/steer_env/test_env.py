@@ -316,7 +316,8 @@ def test_seeds(name):
         (np.array([np.nan], np.float32), "must be finite.*got nan"),
         (np.array([np.inf], np.float32), "must be finite.*got inf"),
         (np.zeros(2, np.float32), r"shape \(1,\)"),
-        (0.5, r"shape \(1,\) of real numbers, got 0\.5"),
+        (0.5, r"shape \(1,\) of real numbers, got 0\.5; numpy\.reshape\(action, \(1,\)\) has it"),
+        ([[0.5], [0.1, 0.2]], r"must become an array of shape \(1,\)"),
         (np.array([True]), "real numbers"),
         (np.array([1j]), "real numbers"),
     ],
@@ -326,6 +327,41 @@ def test_bad_actions(action, message):
     env.reset(seed=0)
     with pytest.raises(ValueError, match=message):
         env.step(action)
+
+
+@pytest.mark.parametrize("name", [IDS[0], TUNED_ID])
+def test_actions_in_the_forms_that_gymnasium_takes(name):
+    """A list, a tuple and numbers of double precision act as the array does."""
+    env = gym.make(name)
+    action = 0.25 * np.ones(env.action_space.shape, np.float32)
+    env.reset(seed=0)
+    expected = env.step(action)[0]
+    for given in (action.tolist(), tuple(action.tolist()), action.astype(float)):
+        env.reset(seed=0)
+        assert np.array_equal(env.unwrapped.step(given)[0], expected)
+    vector = gym.make_vec(name, num_envs=1)
+    vector.reset(seed=0)
+    assert np.array_equal(vector.step([action.tolist()])[0][0], expected)
+    vector.close()
+
+
+def test_a_tensor_is_an_action():
+    torch = pytest.importorskip("torch")
+    env = gym.make(IDS[0]).unwrapped
+    env.reset(seed=0)
+    env.step(torch.zeros(1))
+    with pytest.raises(ValueError, match="must become an array"):
+        env.step(torch.zeros(1, requires_grad=True))
+
+
+@pytest.mark.parametrize("name", [IDS[0], TUNED_ID])
+def test_no_step_after_close(name):
+    env, vector = gym.make(name).unwrapped, gym.make_vec(name, num_envs=2)
+    for each in (env, vector):
+        each.reset(seed=0)
+        each.close()
+        with pytest.raises(RuntimeError, match="over or has not begun"):
+            each.step(np.zeros(each.action_space.shape, np.float32))
 
 
 def test_a_state_that_turns_nan_ends_the_episode_and_is_named():
@@ -439,7 +475,26 @@ def test_what_is_drawn_changes_the_car_and_an_option_fixes_it():
     assert end({}) != usual
 
 
-@pytest.mark.parametrize(("name", "value"), dict(zip(randomise.OF_PLANT, (9.0, 0.5, 20.0, 2.0, 0.1, 0.2, 0.3))).items())
+@pytest.mark.parametrize(
+    ("law", "chassis"), list(zip(friction.available(), itertools.cycle(["single_track", "two_track"])))
+)
+def test_friction_does_not_act_straight_ahead(law, chassis):
+    """A draw of friction alone begins as the plant that was driven straight with it, to the bit."""
+    options = {"friction_level": 1.7, "friction_load": 0.2, "friction_asymmetry": 0.2, "friction_position": 0.3}
+    env = gym.make("steer_env/AssistWeave-v1", friction=law, chassis=chassis, randomise={"friction_level": (0.5, 2.0)})
+    batch = env.unwrapped.batch
+    env.reset(seed=0, options=options)
+    drawn = batch.conditions[0]
+    assert not drawn.same_plant(batch.usual_conditions)
+    numbers, state, channels = batch._settled(batch._plant(drawn, batch.task.robot, batch.driver))
+    given = batch._start_of(drawn, batch.task.robot, True)
+    for one, other in zip((numbers, state, channels), given):
+        assert one.tobytes() == other.tobytes()
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), zip((*randomise.OF_MOTION, *randomise.OF_FRICTION), (9.0, 0.5, 20.0, 2.0, 0.1, 0.2, 0.3))
+)
 def test_each_condition_alone_changes_the_plant(name, value):
     batch = gym.make("steer_env/DriverLaneKeeping-v1", control_dt=0.01).unwrapped.batch
     batch.start(0, np.random.default_rng(0), {})

@@ -350,7 +350,7 @@ def test_nothing_is_drawn():
         (np.array([np.nan, 0, 0, 0, 0], np.float32), "got nan"),
         (np.array([0, 0, np.inf, 0, 0], np.float32), "got inf"),
         (np.zeros(4, np.float32), r"shape \(5,\)"),
-        ([0.0] * 5, r"shape \(5,\), got \[0\.0"),
+        ([0.0] * 4, r"shape \(5,\) of real numbers, got \[0\.0"),
     ],
 )
 def test_bad_actions(bad, message):

@@ -21,7 +21,7 @@ class _Speeds(Mapping[str, tuple[float, float]]):
     """Lowest and highest held speed [m/s] by the name of the chassis; imports a chassis when asked for its speeds."""
 
     def __getitem__(self, name: str) -> tuple[float, float]:
-        if name not in chassis_models.available():
+        if name not in chassis_models.CHASSIS:
             raise KeyError(name)
         return chassis_models.CHASSIS[name].speeds
 
@@ -32,7 +32,7 @@ class _Speeds(Mapping[str, tuple[float, float]]):
         return len(chassis_models.available())
 
     def __contains__(self, name: object) -> bool:
-        return name in chassis_models.available()
+        return name in chassis_models.CHASSIS
 
 
 SPEEDS = _Speeds()
@@ -144,7 +144,7 @@ class Car(NamedTuple):
 
     def steer_per_rack(self) -> float:
         """Change of the road-wheel angle per rack travel, straight ahead [rad/m]."""
-        return float(self.strut.solve(0.0, 0.0).per_rack.rotation[..., 2])
+        return float(self.strut.straight.per_rack.rotation[..., 2])
 
     def rack_stiffness(self) -> float:
         """Steering compliance of both wheels, seen at the rack straight ahead [N/m] (P5)."""

@@ -84,7 +84,7 @@ def build(
     forces = (work.F_x_contact, work.F_x_centre, work.F_y, work.F_z)
     up = pose.per_travel
     motion = (up.wheel_centre[..., 0], up.contact[..., 1], up.rotation[..., 0], up.rotation[..., 1])
-    compression = strut.solve(0.0, 0.0).strut_length - pose.strut_length
+    compression = strut.straight.strut_length - pose.strut_length
     knuckle = (pose.steer_angle, pose.inclination, *forces, work.M_x, work.M_z)
     values = np.stack([*knuckle, *motion, compression, -up.strut_length], -1)
     along_r = np.linalg.solve(basis_r, values.reshape(len(sites_r), -1)).reshape(values.shape)

@@ -10,6 +10,7 @@ radians. Arrays broadcast over a leading shape ``...``; a plain number is the em
 
 import json
 from collections.abc import Mapping
+from functools import cached_property
 from itertools import combinations
 from pathlib import Path
 from types import MappingProxyType
@@ -260,6 +261,11 @@ class MacPherson:
             if reached.all():
                 return self._pose(ball, rotation, rack, travel)
         raise ValueError(self._out_of_reach(rack[~reached].flat[0], travel[~reached].flat[0]))
+
+    @cached_property
+    def straight(self) -> Pose:
+        """Pose straight ahead at the design height, which every load of a car takes."""
+        return self.solve(0.0, 0.0)
 
     def solve_pair(self, rack: ArrayLike, travel_left: ArrayLike, travel_right: ArrayLike) -> tuple[Pose, Pose]:
         """Poses of the left and the right wheel in car axes; the right strut is the mirror image."""

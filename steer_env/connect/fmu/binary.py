@@ -1,4 +1,4 @@
-"""The binary of a unit: the C layer and the object code of the kernels, linked by a C compiler.
+"""The binary of a unit: the C layer and the object code of the kernels, linked by a C compiler; and its sources.
 
 For Linux on x86-64 the system's ``cc`` links, for other platforms the compiler zig, which comes as the wheel
 ``ziglang``. The headers of FMI come with the package ``fmpy``. Both are in the extra ``fmu``.
@@ -17,13 +17,14 @@ from platform import machine
 
 import numpy as np
 
-from steer_env.connect.fmu.object_code import PLATFORMS, Processor
+from steer_env.connect.fmu.object_code import PLATFORMS, SOURCE, Processor, assembler
 from steer_env.connect.variables import Variable
 from steer_env.friction.numerics.packing import pack
 from steer_env.vehicle.subsystems import Subsystem
+from steer_env.vehicle.subsystems.poses import has_poses
 
 SOURCES = Path(__file__).parent / "c"
-_FLAGS = ("-std=gnu11", "-O2", "-shared", "-fvisibility=hidden", "-Wall", "-Wextra", "-Wno-unused-parameter", "-s")
+_FLAGS = ("-std=gnu11", "-O2", "-shared", "-Wall", "-Wextra", "-Wno-unused-parameter", "-s")
 INSTALL = "pip install '.[fmu]'"
 
 
@@ -42,7 +43,7 @@ def headers() -> Path:
 
 
 def compiler(platform: str) -> list[str]:
-    """The command that compiles and links for a platform.
+    """The command that compiles and links for a platform; none for sources.
 
     Raises
     ------
@@ -51,6 +52,8 @@ def compiler(platform: str) -> list[str]:
     """
     if machine() not in ("x86_64", "AMD64"):
         raise ValueError(f"an export needs a machine with an x86-64 processor, this one has {machine()}")
+    if platform == SOURCE:
+        return []
     if PLATFORMS[platform].zig:
         if importlib.util.find_spec("ziglang") is None:
             raise ValueError(f"{platform} is linked by zig, which is not installed: {INSTALL}")
@@ -86,6 +89,30 @@ def link(platform: str, version: int, data: str, kernels: bytes, name: str, fold
     return binary
 
 
+# Platforms for which the sources have kernels, by the macro with which a compiler for them tells its processor.
+_ASSEMBLED = {"__x86_64__": "linux64", "__aarch64__": "aarch64"}
+
+
+def c_kernels(module: str, processor: Processor) -> str:
+    """C source that defines the kernels by assembler within it, the same code as in the binaries.
+
+    An importer thus needs nothing but gcc or clang. Sections and directives are those of ELF.
+    """
+    lines: list[str] = []
+    for macro, platform in _ASSEMBLED.items():
+        text = assembler(module, platform, processor).splitlines()
+        lines += [f"#{'elif' if lines else 'if'} defined(__ELF__) && defined({macro})"]
+        lines += ['__asm__(".pushsection .text\\n"', *(json.dumps(f"{line}\n") for line in text), '".popsection\\n");']
+    lines += ["#else", '#error "the kernels are assembler for ELF on x86-64 and aarch64, as of Linux"', "#endif"]
+    return "\n".join(lines) + "\n"
+
+
+def sources(version: int, data: str, kernels: str) -> dict[str, bytes]:
+    """The files of ``sources`` by their names; the headers of FMI belong to the importer."""
+    files = {name: (SOURCES / name).read_bytes() for name in ("core.c", f"fmi{version}.c", "unit.h")}
+    return {**files, "data.c": data.encode(), "kernels.c": kernels.encode()}
+
+
 def c_data(subsystem: Subsystem, variables: list[Variable], processor: Processor, token: str) -> str:
     """C source that defines ``unit``."""
     numbers, tables = pack(subsystem.parameters)
@@ -112,6 +139,7 @@ def c_data(subsystem: Subsystem, variables: list[Variable], processor: Processor
         f"    .processor = {json.dumps(processor.name)},",
         *(f"    .{name} = {name}," for name in ("requirements", "variables", "states", "numbers", "tables")),
         *(f"    .{name} = {name}," for name in ("start", "shown", "given", "places", "rows")),
+        f"    .poses = {'steer_poses' if has_poses(subsystem) else 'NULL'},",
         f"    .requirement_count = {len(needed)},",
         f"    .variable_count = {len(variables)},",
         f"    .number_count = {numbers.size},",

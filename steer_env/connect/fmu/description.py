@@ -1,4 +1,4 @@
-"""``modelDescription.xml`` of an FMU, for FMI 2.0 and 3.0, and the terminals of FMI 3.0.
+"""``modelDescription.xml`` of an FMU, for FMI 2.0 and 3.0, and the terminals and the build description of FMI 3.0.
 
 The outputs depend on no input at a communication point: a new input acts from the next step on, so that an importer
 finds no algebraic loop. Sources: Functional Mock-up Interface 2.0.4, section 2.2 and 4.3, and 3.0.2, section 2.4, 2.6
@@ -8,6 +8,7 @@ and 4.3; the names of the quantities are those of the Modelica Standard Library.
 import math
 import os
 import re
+from collections.abc import Sequence
 from datetime import datetime, timezone
 from importlib import metadata
 from typing import Any, NamedTuple
@@ -218,7 +219,14 @@ def experiment(root: ElementTree.Element) -> None:
     ElementTree.SubElement(root, "DefaultExperiment", startTime="0.0", stopTime="10.0", stepSize=number(SAMPLE_TIME))
 
 
-def fmi2(subsystem: Subsystem, variables: list[Variable], identifier: str, token: str, description: str) -> bytes:
+def fmi2(
+    subsystem: Subsystem,
+    variables: list[Variable],
+    identifier: str,
+    token: str,
+    description: str,
+    sources: Sequence[str] = (),
+) -> bytes:
     """The description of a unit.
 
     Parameters
@@ -232,6 +240,8 @@ def fmi2(subsystem: Subsystem, variables: list[Variable], identifier: str, token
         The GUID, which binary and description share.
     description : str
         Sentences that tell the car, the friction law and the chassis.
+    sources : sequence of str
+        The files in ``sources`` that are to be compiled.
     """
     root = ElementTree.Element(
         "fmiModelDescription", {"fmiVersion": "2.0", **about(subsystem, description, "guid", token)}
@@ -243,7 +253,11 @@ def fmi2(subsystem: Subsystem, variables: list[Variable], identifier: str, token
         "canGetAndSetFMUstate": "true",
         "canSerializeFMUstate": "true",
     }
-    ElementTree.SubElement(root, "CoSimulation", capabilities)
+    simulation = ElementTree.SubElement(root, "CoSimulation", capabilities)
+    if sources:
+        files = ElementTree.SubElement(simulation, "SourceFiles")
+        for name in sources:
+            ElementTree.SubElement(files, "File", name=name)
     unit_definitions(root, variables)
     type_definitions(root, variables, 2)
     ElementTree.SubElement(
@@ -297,6 +311,17 @@ def fmi3(subsystem: Subsystem, variables: list[Variable], identifier: str, token
     return text_of(root)
 
 
+def build(identifier: str, sources: Sequence[str]) -> bytes:
+    """``buildDescription.xml`` of FMI 3.0, section 2.5.2: the files in ``sources`` that are to be compiled."""
+    root = ElementTree.Element("fmiBuildDescription", fmiVersion="3.0")
+    configuration = ElementTree.SubElement(root, "BuildConfiguration", modelIdentifier=identifier)
+    files = ElementTree.SubElement(configuration, "SourceFileSet", language="C11")
+    for name in sources:
+        ElementTree.SubElement(files, "SourceFile", name=name)
+    ElementTree.SubElement(configuration, "Library", name="m", description="mathematics of the C library")
+    return text_of(root)
+
+
 # Terminal -> what it is, and its variables by the names that they have in it, of which a unit may lack some.
 _TERMINALS: dict[str, tuple[str, dict[str, str]]] = {
     "hands": (
@@ -312,9 +337,10 @@ _TERMINALS: dict[str, tuple[str, dict[str, str]]] = {
     ),
     **{
         f"wheel_{wheel}": (
-            f"{wheel.replace('_', ' ').capitalize()} wheel: its motion and the forces of the road on its tyre",
+            f"{wheel.replace('_', ' ').capitalize()} wheel: its pose, motion and the forces of the road on its tyre",
             {
                 **({"steer_angle": f"road_wheel_angle_{wheel[6:]}"} if wheel.startswith("front") else {}),
+                **{part: f"wheel_{part}_{wheel}" for part in ("x", "y", "z", "heading", "inclination")},
                 **{"travel": f"travel_{wheel}", "angular_velocity": f"wheel_angular_velocity_{wheel}"},
                 **{f"{way}_force": f"{way}_force_{wheel}" for way in ("longitudinal", "lateral")},
                 **{"load": f"wheel_load_{wheel}", "aligning_torque": f"aligning_torque_{wheel}"},

@@ -17,7 +17,7 @@ import numpy as np
 
 from steer_env.connect.fmu import binary, description
 from steer_env.connect.fmu.description import STEP_NOTE
-from steer_env.connect.fmu.object_code import PLATFORMS, Processor, module_text, object_code, processor
+from steer_env.connect.fmu.object_code import PLATFORMS, SOURCE, Processor, module_text, object_code, processor
 from steer_env.connect.variables import Variable, variables, with_road
 from steer_env.friction import law_of
 from steer_env.friction.law import as_mapping
@@ -25,6 +25,7 @@ from steer_env.friction.numerics.check import one_of
 from steer_env.vehicle import cars, subsystems
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 from steer_env.vehicle.subsystems import Subsystem
+from steer_env.vehicle.subsystems.poses import with_poses
 
 VERSIONS = (2, 3)
 ICONS = {2: "model.png", 3: "terminalsAndIcons/icon.png"}
@@ -67,8 +68,9 @@ def export(
         Start value of the parameter ``robot``: whether the handwheel angle is prescribed, and not the hand torque.
     road_friction : float
         Friction of the road over that of the tyre measurements [1].
-    platforms : sequence of {"linux64", "win64", "aarch64", "macos"}
-        Platforms to include binaries for.
+    platforms : sequence of {"linux64", "win64", "aarch64", "macos", "source"}
+        Platforms to include binaries for; ``"source"`` includes C sources, which gcc or clang compiles for Linux on
+        x86-64 and ARM.
     fmi : {2, 3}
         Version of FMI, 2.0 or 3.0.
     cpu : str
@@ -95,7 +97,7 @@ def export(
         "chassis": (rolls, chassis),
     }[subsystem]
     told = f"Car {loaded.name}, {contents}; processor level {cpu}."
-    made = with_road(subsystems.make(subsystem, p, speed))
+    made = with_poses(with_road(subsystems.make(subsystem, p, speed)))
     files = _files(made, re.sub(r"\W", "_", f"steer_{subsystem}_{label}"), told, wanted, fmi, processor(cpu))
     made_of = {
         **{"part": subsystem, "chassis": chassis, "speed_m_s": speed, "robot": robot, "road_friction": road_friction},
@@ -113,12 +115,12 @@ def _checked(path: Path, subsystem: str, fmi: int, platforms: Sequence[str]) -> 
     for name, value, allowed in (("subsystem", subsystem, subsystems.SUBSYSTEMS), ("fmi", fmi, VERSIONS)):
         one_of(name, value, allowed)
     for platform in platforms:
-        one_of("platform", platform, PLATFORMS)
+        one_of("platform", platform, (*PLATFORMS, SOURCE))
         binary.compiler(platform)
     if fmi == 2 and {"linux64", "aarch64"} <= set(platforms):
         raise ValueError("FMI 2.0 has one folder for Linux, linux64: export one unit for each processor, or FMI 3.0")
     if not platforms:
-        raise ValueError(f"a unit needs a platform: {', '.join(PLATFORMS)}")
+        raise ValueError(f"a unit needs a platform: {', '.join((*PLATFORMS, SOURCE))}")
     binary.headers()
     return tuple(dict.fromkeys(platforms))
 
@@ -136,26 +138,36 @@ def _pack(path: Path, files: dict[str, bytes]) -> None:
 def _files(
     subsystem: Subsystem, identifier: str, told: str, platforms: Sequence[str], version: int, level: Processor
 ) -> dict[str, bytes]:
-    """Contents of the archive by path: description, icon, documentation and binaries, without ``made_of.json``."""
+    """Contents of the archive by path: description, icon, documentation, binaries, sources; no ``made_of.json``."""
     listed = variables(subsystem, version)
     module = module_text(subsystem)
-    objects = {platform: object_code(module, platform, level) for platform in platforms}
-    sources = [file.read_text(encoding="utf-8") for file in sorted(binary.SOURCES.iterdir())]
+    objects = {platform: object_code(module, platform, level) for platform in platforms if platform != SOURCE}
+    kernels = binary.c_kernels(module, level) if SOURCE in platforms else ""
+    texts = [file.read_text(encoding="utf-8") for file in sorted(binary.SOURCES.iterdir())]
     parts = (
         binary.c_data(subsystem, listed, level, ""),
         told,
-        *sources,
+        *texts,
         str(version),
         *(code.hex() for code in objects.values()),
+        kernels,
     )
     token = f"{{{uuid.UUID(hashlib.sha256(' '.join(parts).encode()).hexdigest()[:32])}}}"
     data = binary.c_data(subsystem, listed, level, token)
-    text = (description.fmi2 if version == 2 else description.fmi3)(subsystem, listed, identifier, token, told)
+    sources = binary.sources(version, data, kernels) if kernels else {}
+    compiled = [name for name in sources if name.endswith(".c")]
+    if version == 2:
+        text = description.fmi2(subsystem, listed, identifier, token, told, compiled)
+    else:
+        text = description.fmi3(subsystem, listed, identifier, token, told)
+        if sources:
+            sources["buildDescription.xml"] = description.build(identifier, compiled)
     files: dict[str, bytes] = {
         "modelDescription.xml": text,
         ICONS[version]: _icon(),
         **({"terminalsAndIcons/terminalsAndIcons.xml": description.terminals(listed)} if version == 3 else {}),
         "documentation/index.html": _page(subsystem, listed, level, told).encode(),
+        **{f"sources/{name}": contents for name, contents in sources.items()},
     }
     for platform, code in objects.items():
         with tempfile.TemporaryDirectory() as folder:

@@ -7,10 +7,14 @@ from llvmlite import binding as llvm
 
 from steer_env.friction.numerics.check import one_of
 from steer_env.friction.numerics.kernel import plain
-from steer_env.vehicle.subsystems import Subsystem
+from steer_env.vehicle.subsystems import Subsystem, poses
 from steer_env.vehicle.subsystems.machine_code import entry, first, require_compiled, signature
 
-FUNCTIONS = {"steer_advance": entry, "steer_begin": first}
+
+def functions(subsystem: Subsystem) -> dict[str, Any]:
+    """The kernels that the C layer calls, by their names there."""
+    found = {"steer_advance": entry, "steer_begin": first}
+    return {**found, "steer_poses": poses.entry} if poses.has_poses(subsystem) else found
 
 
 class Platform(NamedTuple):
@@ -31,6 +35,7 @@ PLATFORMS = {
     ),
     "macos": Platform("arm64-apple-macosx11.0", "aarch64-macos.11.0", "dylib", {2: "darwin64", 3: "aarch64-darwin"}),
 }
+SOURCE = "source"  # in place of a platform: sources, which the importer compiles
 # Feature of LLVM -> where the instruction ``cpuid`` reports it: leaf, register (a, b, c, d) and bit; sub-leaf 0.
 # Source: Intel 64 and IA-32 Architectures Software Developer's Manual, volume 2, CPUID; AMD64 volume 3 for 0x80000001.
 FEATURES = {
@@ -102,7 +107,7 @@ def processor(name: str) -> Processor:
 
 
 def module_text(subsystem: Subsystem) -> str:
-    """LLVM module of a subsystem, optimised, whose only visible functions are ``steer_advance`` and ``steer_begin``.
+    """LLVM module of a subsystem, optimised, whose only visible functions are its :func:`functions`.
 
     Its code is made for the structure of the subsystem's parameters, not for their values.
 
@@ -111,9 +116,9 @@ def module_text(subsystem: Subsystem) -> str:
     ValueError
         Where kernels are not compiled (``NUMBA_DISABLE_JIT=1``).
     """
-    require_compiled("an FMU")
+    require_compiled("an export")
     whole = llvm.parse_assembly("")
-    for name, function in FUNCTIONS.items():
+    for name, function in functions(subsystem).items():
         whole.link_in(_module(name, function, signature(subsystem)))
     return str(whole)
 
@@ -137,12 +142,36 @@ def _module(name: str, kernel: Any, arguments: tuple) -> llvm.ModuleRef:
 
 def object_code(module: str, platform: str, processor: Processor) -> bytes:
     """Object file of a module for one of ``PLATFORMS``."""
+    machine, parsed = _for_platform(module, platform, processor)
+    return machine.emit_object(parsed)
+
+
+def assembler(module: str, platform: str, processor: Processor) -> str:
+    """The same code as text, of which the platform's assembler makes the object file."""
+    machine, parsed = _for_platform(module, platform, processor)
+    return machine.emit_assembly(parsed)
+
+
+def object_for(module: str, triple: str, cpu: str, features: str = "", reloc: str = "static") -> bytes:
+    """Object file of a module for a machine as LLVM names it."""
+    machine, parsed = _for_machine(module, triple, cpu, features, reloc)
+    return machine.emit_object(parsed)
+
+
+def _for_platform(module: str, platform: str, processor: Processor) -> tuple[llvm.TargetMachine, llvm.ModuleRef]:
+    triple = PLATFORMS[platform].triple
+    kind = ("x86-64", processor.for_llvm()) if triple.startswith("x86_64") else ("generic", "")
+    return _for_machine(module, triple, *kind, "pic")
+
+
+def _for_machine(
+    module: str, triple: str, cpu: str, features: str, reloc: str
+) -> tuple[llvm.TargetMachine, llvm.ModuleRef]:
+    """What emits code for a machine, and the module without what nothing calls."""
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
-    triple = PLATFORMS[platform].triple
     target = llvm.Target.from_triple(triple)
-    kind = ("x86-64", processor.for_llvm()) if triple.startswith("x86_64") else ("generic", "")
-    machine = target.create_target_machine(*kind, opt=3, reloc="pic", codemodel="default")
+    machine = target.create_target_machine(cpu, features, opt=3, reloc=reloc, codemodel="default")
     parsed = llvm.parse_assembly(module)
     parsed.triple = machine.triple
     parsed.data_layout = str(machine.target_data)
@@ -151,4 +180,4 @@ def object_code(module: str, platform: str, processor: Processor) -> bytes:
     manager = llvm.create_new_module_pass_manager()
     manager.add_global_dead_code_eliminate_pass()
     manager.run(parsed, passes)
-    return machine.emit_object(parsed)
+    return machine, parsed

@@ -11,6 +11,7 @@ import pytest
 from steer_env import manoeuvres
 from steer_env.connect import fmu
 from steer_env.vehicle import cars, plant
+from steer_env.vehicle.chassis.common.interface import WHEELS
 from tests.connect.fmu.runs import STEP, bits
 
 fmpy = pytest.importorskip("fmpy", reason="the extra fmu is not installed")
@@ -77,6 +78,8 @@ def test_terminals_are_those_of_the_schema_and_fit_one_another(exported, tmp_pat
             for terminal in root.iter("Terminal")
         }
     assert {"hands", "rack", "wheel_front_left", "wheel_rear_right"} <= set(found["car"])
+    pose = dict.fromkeys(("x", "y", "z", "heading", "inclination"), "output") if chassis == "two_track" else {}
+    assert all(pose.items() <= found[part][f"wheel_{w}"].items() for part in ("car", "chassis") for w in WHEELS)
     assert found["steering"]["rack"] == {"travel": "output", "speed": "output", "force": "input"}
     assert found["chassis"]["rack"] == {"travel": "input", "speed": "input", "force": "output"}
     assert "hands" not in found["chassis"]

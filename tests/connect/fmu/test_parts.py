@@ -125,6 +125,85 @@ def test_the_road_under_each_wheel_is_that_of_the_plant_in_python(tmp_path):
     assert np.array_equal(bits(found), bits(record))
 
 
+def rotations(axis, angles):
+    """Rotation matrices (T, 3, 3) about a coordinate axis."""
+    c, s = np.cos(angles), np.sin(angles)
+    found = np.zeros((len(angles), 3, 3))
+    j, k = (axis + 1) % 3, (axis + 2) % 3
+    found[:, axis, axis] = 1.0
+    found[:, j, j], found[:, k, k], found[:, k, j], found[:, j, k] = c, c, s, -s
+    return found
+
+
+def test_poses_of_the_wheels_are_those_of_a_rigid_body_and_the_exact_strut(tmp_path):
+    """A hard turn with braking: positions by rotation matrices, angles by the hard points of the strut.
+
+    The chassis alone has the same poses, to the bit.
+    """
+    car = cars.load("compact")
+    p = car.plant("lugre", 25.0, chassis="two_track")
+    d = p.chassis.body[0]
+    channels = [name for name, _ in plant.channels(p)]
+    parts = ("x", "y", "z", "heading", "inclination")
+    poses = [f"wheel_{part}_{wheel}" for part in parts for wheel in two_track.WHEELS]
+    u = np.zeros((SAMPLES, len(plant.INPUTS)))
+    u[:, plant.HAND] = 5.0 * np.sin(4e-3 * np.arange(1.0, SAMPLES + 1.0))
+    u[:, 8] = np.where(np.arange(SAMPLES) < 1500, 0.0, 0.2)
+    path = fmu.export(tmp_path / "car.fmu", chassis="two_track", speed=25.0, cpu="native")
+    names = ["hand_torque", None, *(NAMED[name][0] for name, _ in plant.INPUTS[2:])]
+    with opened(path, tmp_path / "unit") as (unit, references, _):
+        begin(unit)
+        wanted = [*channels, *poses]
+        first = np.array(unit.getReal([references[name] for name in wanted]))
+        found = replay(unit, references, u, names, wanted)
+    expected, start = np.zeros((SAMPLES, len(channels))), plant.settled(p)
+    plant.run(p, start[0], u, expected, 1)
+    assert np.array_equal(bits(found[:, : len(channels)]), bits(expected))  # which the poses leave as they are
+    # At odd samples angles and forces are extrapolated since the last evaluation of the chassis.
+    rows = np.vstack([first, found[1::2]])
+    at = dict(zip(wanted, rows.T))
+    roll, pitch, yaw = at["roll_angle"], at["pitch_angle"], at["yaw_angle"]
+    assert min(map(np.ptp, (roll, pitch, yaw))) > 0.01
+    body = rotations(2, yaw) @ rotations(1, pitch) @ rotations(0, roll)
+    origin = np.stack([at["x"], at["y"], at["height"]], -1)
+    assert np.array_equal(origin[0, :2], [0.0, 0.0])
+    # Rack travel less that of the compliance, from the angle of the left wheel by Newton's method.
+    travel = [at[f"travel_{wheel}"] for wheel in two_track.WHEELS]
+    rack = p.pinion_radius * at["column_angle"]
+    for _ in range(4):
+        pose = car.strut.solve(rack, travel[0])
+        rack = rack + (at["road_wheel_angle_left"] - pose.steer_angle) / pose.per_rack.rotation[..., 2]
+    struts = car.strut.solve_pair(rack, travel[0], travel[1])
+    for i, wheel in enumerate(two_track.WHEELS):
+        side = -1.0 if i % 2 else 1.0
+        centre = [d.a, 0.5 * side * d.t_f] if i < 2 else [-d.b, 0.5 * side * d.t_r]
+        inside = np.stack([*np.broadcast_arrays(*centre, d.R_l - d.h + travel[i])], -1)
+        position = origin + (body @ inside[..., None])[..., 0]
+        assert np.stack([at[f"wheel_{part}_{wheel}"] for part in "xyz"], -1) == pytest.approx(position, abs=1e-9)
+        if i < 2:
+            steer, camber = at[f"road_wheel_angle_{('left', 'right')[i]}"], struts[i].inclination
+            turned = struts[i].rotation
+        else:
+            steer = side * d.steer_r * travel[i] + d.compliance_steer_r * at[f"lateral_force_{wheel}"]
+            camber = side * d.camber_r * travel[i]
+            turned = rotations(2, steer) @ rotations(0, camber)
+        heading, inclination = at[f"wheel_heading_{wheel}"], at[f"wheel_inclination_{wheel}"]
+        assert heading == pytest.approx(yaw + steer, abs=1e-12)
+        assert inclination == pytest.approx(camber + roll, abs=3e-7)  # the table of the strut has errors of 3e-7 rad
+        # The tyres take sums of angles; the axle that turns with body and carrier differs by pitch times steer angle.
+        x, y, z = np.moveaxis((body @ turned)[..., 1], -1, 0)
+        print(wheel, np.abs(np.arctan2(-x, y) - heading).max(), np.abs(np.arcsin(z) - inclination).max())
+        assert np.arctan2(-x, y) == pytest.approx(heading, abs=0.01)
+        assert np.arcsin(z) == pytest.approx(inclination, abs=0.01)
+    rack = p.pinion_radius * found[:, [plant.CHANNEL["column_angle"], plant.CHANNEL["column_speed"]]]
+    path = fmu.export(tmp_path / "chassis.fmu", subsystem="chassis", chassis="two_track", speed=25.0, cpu="native")
+    names = ["rack_travel", "rack_speed", *(NAMED[name][0] for name, _ in plant.INPUTS[3:])]
+    with opened(path, tmp_path / "chassis") as (unit, references, _):
+        begin(unit)
+        alone = replay(unit, references, np.column_stack([rack, u[:, 3:]]), names, poses)
+    assert np.array_equal(bits(alone), bits(found[:, len(channels) :]))
+
+
 @pytest.mark.whole
 def test_end_stops_belong_to_the_steering(tmp_path):
     """A hand torque of 60 N m winds the rack against the stop, which holds it."""

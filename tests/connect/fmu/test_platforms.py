@@ -1,4 +1,4 @@
-"""Binaries for other platforms, which zig links; where wine or qemu is installed, also their runs."""
+"""Binaries for other platforms, which zig links, and sources; where wine or qemu is installed, also their runs."""
 
 import os
 import shutil
@@ -110,7 +110,7 @@ def test_arm_computes_what_x86_computes(chassis, tmp_path):
     zig = [sys.executable, "-m", "ziglang", "cc", "-target", PLATFORMS["aarch64"].zig]
     found = {}
     for platform, compiler, emulator in (("linux64", ["cc"], []), ("aarch64", zig, [QEMU, "-L", ARM])):
-        path = fmu.export(tmp_path / f"{platform}.fmu", platforms=[platform], chassis=chassis)
+        path = fmu.export(tmp_path / f"{platform}.fmu", platforms=[platform, "source"], chassis=chassis)
         assert validation.validate_fmu(str(path)) == []
         fmpy.extract(str(path), str(tmp_path / platform))
         description = fmpy.read_model_description(str(path))
@@ -119,8 +119,54 @@ def test_arm_computes_what_x86_computes(chassis, tmp_path):
         if platform == "linux64" or QEMU:
             program = [*emulator, built(tmp_path, compiler, f"harness-{platform}", "-O1", "-lm", "-ldl")]
             found[platform] = driven(program, library, description, 10_000)
+    compiled(zig, tmp_path / "aarch64", library)  # in place of the exported one
     if QEMU:
         assert apart(found["aarch64"], found["linux64"]) < 1e-12
+        assert np.array_equal(driven(program, library, description, 10_000), found["aarch64"])
+
+
+@pytest.mark.parametrize(("fmi", "chassis"), [(2, "single_track"), (3, "two_track")])
+def test_the_sources_compile_to_what_the_binary_computes(fmi, chassis, tmp_path):
+    """Ten seconds of a sine of the hand torque, by the library of the export and by one made of the sources alone."""
+    path = fmu.export(tmp_path / "car.fmu", platforms=["linux64", "source"], chassis=chassis, fmi=fmi)
+    assert validation.validate_fmu(str(path)) == []
+    fmpy.extract(str(path), str(tmp_path / "exported"))
+    fmpy.extract(str(path), str(tmp_path / "compiled"))
+    description = fmpy.read_model_description(str(path))
+    (library,) = (tmp_path / "compiled" / "binaries").rglob("*.so")
+    library.unlink()
+    compiled(["cc"], tmp_path / "compiled", library)
+    t = np.linspace(0.0, 10.0, 1001)
+    torque = np.array([*zip(t, 4.0 * np.sin(3.0 * t))], dtype=[("time", float), ("hand_torque", float)])
+    outputs = [v.name for v in description.modelVariables if v.causality == "output"]
+    exported, own = (
+        fmpy.simulate_fmu(
+            str(tmp_path / name), stop_time=10.0, step_size=1e-3, output_interval=1e-3, input=torque, output=outputs
+        )
+        for name in ("exported", "compiled")
+    )
+    assert len(own) >= 10_000
+    assert np.ptp(own["yaw_rate"]) > 0.1
+    assert exported.tobytes() == own.tobytes()
+
+
+def compiled(compiler, folder, library):
+    """The sources of an unpacked unit, compiled as the description says, with the headers of the standard only."""
+    (configuration,) = fmpy.read_model_description(str(folder)).buildConfigurations
+    (listed,) = configuration.sourceFileSets
+    assert configuration.modelIdentifier == library.stem
+    files = [folder / "sources" / name for name in listed.sourceFiles]
+    include = f"-I{fmpy.__path__[0]}/c-code"
+    subprocess.run([*compiler, "-shared", "-fPIC", "-O2", "-Wall", include, *files, "-o", library, "-lm"], check=True)
+
+
+def test_sources_alone_need_no_compiler(tmp_path, monkeypatch):
+    monkeypatch.setenv("CC", "no-such-compiler")
+    path = fmu.export(tmp_path / "car.fmu", platforms=["source"], subsystem="steering")
+    assert validation.validate_fmu(str(path)) == []
+    names = zipfile.ZipFile(path).namelist()
+    assert "sources/kernels.c" in names
+    assert not [name for name in names if name.startswith("binaries/")]
 
 
 def test_the_library_for_macos_is_linked(tmp_path):

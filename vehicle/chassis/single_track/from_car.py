@@ -20,7 +20,7 @@ def from_car(car: CarData, v_x: float, mu: float, road: Any) -> SingleTrack:
     if road is not None:
         raise ValueError("road needs chassis='two_track', got chassis='single_track'")
     c = car.chassis
-    roll_centre = float(car.strut.solve(0.0, 0.0).roll_centre_height)
+    roll_centre = float(car.strut.straight.roll_centre_height)
     axle_height = (roll_centre * c["rear_axle"] + c["rear_roll_centre"] * c["front_axle"]) / (
         c["front_axle"] + c["rear_axle"]
     )

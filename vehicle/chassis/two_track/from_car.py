@@ -68,7 +68,7 @@ def _body(car: CarData, v_x: float, mu: float, ground: road.Road) -> Body:
         -GRAVITY * math.cos(ground.grade) * math.cos(ground.bank),
     )
     F_zf, F_zr = 0.5 * GRAVITY * m * b / (a + b), 0.5 * GRAVITY * m * a / (a + b)
-    slope = float(car.strut.solve(0.0, 0.0).per_travel.strut_length)  # negative: shorter in bump
+    slope = float(car.strut.straight.per_travel.strut_length)  # negative: shorter in bump
     return Body(
         speed=v_x,
         mu=mu,

@@ -213,7 +213,7 @@ static const struct variable *variable(struct instance *c, enum type type, uint3
 
 static double *address(struct instance *c, const struct variable *v)
 {
-    double *arrays[] = {c->numbers, c->given, c->outputs};
+    double *arrays[] = {c->numbers, c->given, c->outputs, c->before};
     return arrays[v->array] + v->place;
 }
 
@@ -225,6 +225,15 @@ int unit_arrays(struct instance *c, const uint32_t *references, size_t count, co
 int unit_place(struct instance *c, const void *result)
 {
     return result || unit_refuse(c, "there is no place for what the function returns");
+}
+
+/* Write the poses of the wheels at this state to ``before``, as nothing needs it between the steps. */
+static void pose(struct instance *c)
+{
+    int32_t done;
+    void *unused = NULL;
+    memcpy(c->before, c->outputs, unit.output_count * sizeof *c->before);
+    unit.poses(&done, &unused, c->numbers, unit.tables, c->state, c->given, c->inputs, c->before);
 }
 
 int unit_get(struct instance *c, enum type type, const uint32_t *references, size_t count, double *values)
@@ -241,8 +250,10 @@ int unit_get(struct instance *c, enum type type, const uint32_t *references, siz
     }
     if (phase == INITIALISING && !unit_settle(c))
         return 0;
-    for (size_t i = 0; i < count; i++) {
+    for (size_t i = 0, posed = 0; i < count; i++) {
         const struct variable *v = &unit.variables[references[i]];
+        if (v->array == POSES && !posed++)
+            pose(c);
         values[i] = v->array == TIME ? unit_time(c) : *address(c, v);
     }
     return 1;

@@ -8,13 +8,16 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum array { NUMBERS, GIVEN, OUTPUTS, TIME };
+/* Several FMUs in a process must not find one another's, whatever the options of the compiler. */
+#pragma GCC visibility push(hidden)
+
+enum array { NUMBERS, GIVEN, OUTPUTS, POSES, TIME };
 enum use { INPUT, OUTPUT, FIXED, TUNABLE, INDEPENDENT };
 enum type { REAL, BOOLEAN };
 
 struct variable {
     const char *name;
-    enum array array; /* where its value stands (TIME: in the clock), */
+    enum array array; /* where its value stands (TIME: in the clock; POSES: computed as they are read), */
     unsigned place;   /* and at which position there */
     enum use use;
     enum type type;
@@ -27,6 +30,14 @@ struct requirement {
     char reg; /* 'a' to 'd' */
     uint32_t bits;
 };
+
+/* The kernels; see object_code.py. */
+typedef int32_t kernel(int32_t *done, void **unused, const double *numbers, const double *tables, double *state,
+                       const double *given, double *inputs, double *outputs);
+int32_t steer_advance(int32_t *finite, void **unused, const double *numbers, const double *tables, double *state,
+                      const double *given, double *inputs, double *outputs, int64_t samples);
+int32_t steer_begin(int32_t *done, void **unused, const double *numbers, const double *tables, double *state);
+kernel steer_poses;
 
 struct unit {
     const char *token;     /* identifies description and binary as belonging together */
@@ -41,17 +52,13 @@ struct unit {
     const double *given;       /* inputs at the start */
     const unsigned *places;    /* states that begin at zero after settling */
     const unsigned *rows;      /* outputs that begin at zero after settling */
+    kernel *poses;             /* writes the poses of the wheels behind the other outputs; NULL where there are none */
     unsigned requirement_count, variable_count, number_count, state_count, given_count, input_count, output_count,
         place_count, row_count;
     int64_t settling; /* samples that settling takes */
 };
 
 extern const struct unit unit;
-
-/* The kernels; see object_code.py. */
-int32_t steer_advance(int32_t *finite, void **unused, const double *numbers, const double *tables, double *state,
-                      const double *given, double *inputs, double *outputs, int64_t samples);
-int32_t steer_begin(int32_t *done, void **unused, const double *numbers, const double *tables, double *state);
 
 /* Phases of an instance, as bits. */
 enum phase { INSTANTIATED = 1, INITIALISING = 2, STEPPING = 4, TERMINATED = 8 };
@@ -106,5 +113,7 @@ int unit_load(struct instance *c, const unsigned char *bytes, size_t size, struc
 void unit_reset(struct instance *c);
 double unit_time(const struct instance *c);
 int unit_refuse(struct instance *c, const char *format, ...);
+
+#pragma GCC visibility pop
 
 #endif

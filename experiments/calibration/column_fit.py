@@ -1,0 +1,232 @@
+"""Boost, motor damping and friction of a car, found by driving its column and chassis through a drive.
+
+    B(T) = s max(|T| - T_d, 0) sgn(T)                                                       (H3)
+
+is the boost that replaces the table of the car: gradient s beyond a dead band T_d of the torsion-bar torque. With the
+factor D on the motor damping, the level F_c and the pre-sliding distance x_c of the friction at the column, and the
+offset T_0 of the torque, it is fitted by least squares to the part of the drive that does not judge. The car follows
+handwheel angle and speed; the torque of the drive is only compared.
+
+Rack force, ratio and everything else are those of the car, so that a car with twice the rack force has twice 1 + s.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.optimize import least_squares
+
+from steer_env import friction
+from steer_env.friction.numerics.thread_pool import one_blas_thread
+from steer_env.hand_torque import Drive, Identified
+from steer_env.hand_torque.fit import X_C, blocks, interval_of, redrawn, sums_of
+from steer_env.hand_torque.model import RATE, has_distance, stretched
+from steer_env.manoeuvres import Manoeuvre
+from steer_env.manoeuvres.common.driving import OpenLoop, build_plant, drive_plant, open_loop
+from steer_env.manoeuvres.common.shapes import ramp_and_hold
+from steer_env.vehicle import cars
+from steer_env.vehicle.chassis.common.interface import SPEED_MAX, SPEED_MIN, TARGET_SPEED
+from steer_env.vehicle.plant import Plant
+from steer_env.vehicle.steering import eps
+
+Array = NDArray[np.float64]
+
+FADE = 2.0  # from straight ahead to the angle of the drive ...
+RUN_IN = 10.0  # ... and from there to the first sample that is compared, so that the car follows; both assumed [s]
+LONGEST = 300.0  # of either part that the car is driven through, next to where judging begins; assumed [s]
+TORQUES = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0, 1.5, 2.0, 3.0, 5.0, 7.0)  # of a row [N m]
+ROUNDS = 25  # of least squares, at most
+
+
+class Term(NamedTuple):
+    """A number that is fitted, in ``unit``."""
+
+    start: float  # of the search [unit]
+    least: float  # far beyond usual cars, as the largest is [unit]
+    largest: float  # [unit]
+    step: float  # of slopes [unit]
+    unit: str
+    meaning: str
+
+
+TERMS = {
+    "s": Term(3.0, 0.0, 15.0, 0.05, "1", "gradient of the boost"),
+    "T_d": Term(0.1, 0.0, 1.0, 0.01, "N m", "dead band of the boost"),
+    "D": Term(1.0, 0.0, 6.0, 0.05, "1", "factor on the motor damping"),
+    "F_c": Term(0.5, 1e-3, 6.0, 0.02, "N m", "level of the friction at the column"),
+    "x_c": Term(math.radians(0.3), X_C[0], X_C[-1], 4e-4, "rad", "its pre-sliding distance"),
+    "T_0": Term(0.0, -math.inf, math.inf, 0.0, "N m", "offset of sensor and road"),
+}
+
+
+class ColumnFit(NamedTuple):
+    """A car that was fitted to a drive, and what it leaves of the part that judges."""
+
+    car: cars.Car
+    friction: Any  # parameters of the law at its column, None without a dry law
+    terms: Mapping[str, float]  # of ``TERMS``
+    intervals: Mapping[str, tuple[float, float]]  # 95 %, from blocks drawn anew about the linearised car
+    residual: float  # root mean square that is left of the part that was not fitted [N m]
+    adds: float  # by how much it leaves less than the same car fitted without dry friction [N m]
+    adds_interval: tuple[float, float]  # 95 % [N m]
+
+
+def fit_column(
+    found: Identified, base: cars.Car, seed: int = 0, notify: Callable[[float, str], None] = lambda part, text: None
+) -> ColumnFit:
+    """Fit boost, motor damping and friction of a car to a drive, with the law that leaves least of its fitted part.
+
+    Parameters
+    ----------
+    found : Identified
+        The drive, the part that judges, and the law.
+    base : Car
+        Everything that is not fitted.
+    seed : int
+        Of the draws of the intervals.
+    notify : callable
+        Told the part that is done and what comes next.
+
+    Raises
+    ------
+    ValueError
+        If the car cannot be driven through the drive, for example as its assist loop is unstable.
+    """
+    d, law = found.drive, found.best.name if found.dry else None
+    car = cars.load(base.data(), {"steering.friction_load": 0.0})  # the level is that of the whole drive
+    early = slice(max(found.first - round(LONGEST * RATE), 0), found.first)
+    late = slice(max(found.first - round(RUN_IN * RATE), 0), found.first + round(LONGEST * RATE))
+    speed = float(d.speed[early].mean())
+    squares: dict[str | None, Array] = {}
+    terms: dict[str, float] = {}
+    with one_blas_thread():
+        for part, each in ((0.0, None), (0.3, law)):
+            notify(part, f"column and chassis with {each or 'no dry friction'}")
+            terms, intervals = _fitted(_part(car, d, early, speed, each), terms, seed)
+            squares[each] = _error(_part(car, d, late, speed, each), terms) ** 2
+    block = blocks(squares[None].size)
+    times = redrawn(int(block.max()) + 1, seed)
+    size = times @ np.bincount(block)
+    drawn = {each: np.sqrt(times @ np.bincount(block, of) / size) for each, of in squares.items()}
+    left = {each: float(np.sqrt(of.mean())) for each, of in squares.items()}
+    return ColumnFit(
+        cars.load(car.data(), {f"assist.{key}": value for key, value in changes(car, terms, speed).items()}),
+        None if law is None else _law(law, terms),
+        terms,
+        intervals,
+        left[law],
+        left[None] - left[law],
+        interval_of(drawn[None] - drawn[law]),
+    )
+
+
+def changes(car: cars.Car, terms: Mapping[str, float], speed: float) -> dict[str, Any]:
+    """The keys of the assist that hold the boost (H3) and the motor damping of ``terms``.
+
+    The boost is that at ``speed`` [m/s]; at other speeds it is larger or smaller as the largest boost of the car is.
+    """
+    assist = car.data()["assist"]
+    most = np.array(assist["boost"])[:, -1] * assist["boost_scale"]
+    there = np.interp(speed, assist["speeds"], most)
+    share = most / there if there > 0.0 else np.ones_like(most)
+    row = terms["s"] * np.maximum(np.array(TORQUES) - terms["T_d"], 0.0)  # (H3)
+    return {
+        "torques": list(TORQUES),
+        "boost": np.outer(share, row).tolist(),
+        "boost_scale": 1.0,
+        "damping": (terms["D"] * np.array(assist["damping"])).tolist(),
+    }
+
+
+class _Part(NamedTuple):
+    """A part of a drive that a car is driven through."""
+
+    car: cars.Car
+    law: str | None  # None: no dry friction
+    plant: Plant  # of the car, with its own assist
+    manoeuvre: Manoeuvre
+    course: OpenLoop
+    speed: float  # of the boost (H3) [m/s]
+    time: Array  # (T,) from its start [s]
+    torque: Array  # (T,) measured [N m]
+    used: NDArray[np.bool_]  # (T,) that are compared
+
+
+def _part(car: cars.Car, d: Drive, part: slice, boosted: float, law: str | None) -> _Part:
+    time, speed = d.time[part] - d.time[part.start], np.clip(d.speed[part], SPEED_MIN, SPEED_MAX)
+    curve = CubicSpline(time, d.angle[part])
+
+    def hand(t: Array, amplitude: float) -> tuple[Array, Array]:
+        on, change = ramp_and_hold(t, 1.0, FADE)
+        return amplitude * on * curve(t), amplitude * (change * curve(t) + on * curve(t, 1))
+
+    manoeuvre = Manoeuvre(
+        name="drive",
+        hands="the handwheel angle of a drive",
+        source="the drive",
+        speed=float(speed[0]),
+        duration=float(time[-1]),
+        hand=hand,
+        amplitude=1.0,
+        chassis="two_track",
+        others={TARGET_SPEED: lambda t: np.interp(t, time, speed) - speed[0]},
+    )
+    p = build_plant(car, manoeuvre, _law(law, {name: term.start for name, term in TERMS.items()}))
+    used = (d.weight[part] > 0.0) & (time >= RUN_IN)
+    return _Part(car, law, p, manoeuvre, open_loop(p, manoeuvre), boosted, time, d.torque[part], used)
+
+
+def _law(law: str | None, terms: Mapping[str, float]) -> Any:
+    if law is None:
+        return friction.make("viscous", sigma_2=0.0)
+    return stretched(law, terms["F_c"], terms.get("x_c", TERMS["x_c"].start))
+
+
+def _error(part: _Part, terms: Mapping[str, float]) -> Array:
+    """Torque of the car less the measured one, with the offset, where they are compared [N m]."""
+    assist = eps.make(**{**part.car.data()["assist"], **changes(part.car, terms, part.speed)})
+    changed = part.plant._replace(assist=assist, friction=_law(part.law, terms))
+    made = drive_plant(part.car, changed, part.manoeuvre, part.course)
+    torque = np.interp(part.time, made.time, made["torsion_bar_torque"])
+    return (torque + terms["T_0"] - part.torque)[part.used]
+
+
+def _fitted(
+    part: _Part, start: Mapping[str, float], seed: int
+) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
+    """Terms that leave least of a part, and their intervals."""
+    lacks = {"T_0", *(("F_c", "x_c") if part.law is None else () if has_distance(part.law) else ("x_c",))}
+    names = [name for name in TERMS if name not in lacks]
+    least, largest, step = (np.array([TERMS[name][i] for name in names]) for i in (1, 2, 3))
+
+    def error(x: Array) -> Array:
+        left = _error(part, {**dict(zip(names, x)), "T_0": 0.0})
+        return left - left.mean()
+
+    def tried(x: Array) -> Array:
+        try:
+            return error(x)
+        except ValueError:  # the loop is unstable, or the car spins: no good value
+            return np.full(part.used.sum(), 10.0 * np.ptp(part.torque))
+
+    def slopes(x: Array) -> Array:
+        here = tried(x)
+        ahead = np.where(x + step < largest, step, -step)
+        return np.column_stack([(tried(x + h * unit) - here) / h for h, unit in zip(ahead, np.eye(x.size))])
+
+    x = np.array([start.get(name, TERMS[name].start) for name in names])
+    error(x)  # tells why the car cannot be driven
+    best = least_squares(tried, x, slopes, (least, largest), x_scale=20.0 * step, ftol=1e-4, max_nfev=ROUNDS)
+    terms = dict(zip(names, map(float, best.x)))
+    terms["T_0"] = -float(_error(part, {**terms, "T_0": 0.0}).mean())
+    block = blocks(best.fun.size)
+    of = sums_of(np.column_stack([best.jac, np.ones(best.fun.size)]), best.fun, np.ones(best.fun.size), block)
+    draws = [np.linalg.lstsq(np.tensordot(n, of.G, 1), n @ of.h)[0] for n in redrawn(len(of.n), seed)]
+    low, high = zip(*(interval_of(values) for values in np.array(draws).T))
+    return terms, {
+        name: (max(terms[name] - b, TERMS[name].least), min(terms[name] - a, TERMS[name].largest))
+        for name, a, b in zip(terms, low, high)
+    }
