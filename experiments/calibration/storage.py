@@ -158,7 +158,7 @@ def require_whole(path: Path, notify: Any = lambda text: None) -> None:
         for number, line in enumerate(lines, 1):
             try:
                 whole = line.endswith(b"\n") and isinstance(json.loads(line), dict)
-            except ValueError:
+            except (ValueError, RecursionError):
                 whole = False
             if whole:
                 kept += len(line)

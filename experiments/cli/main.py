@@ -37,6 +37,9 @@ GROUPS = {
     "drive": "Drive",
 }
 PACKAGE, PROGRAM = "steer_env.experiments.cli", "steer-env"
+# Commands that last longer than ten seconds and begin anew where they were killed, and why.
+BRIEF = ("analyse", "car", "export-fmu", "fit-friction", "fit-steering", "real-time", "validate")
+UNKEPT = "There is no --resume: it usually ends within two minutes, and writes all or nothing."
 PIPE_CLOSED = 141  # exit code of a program that SIGPIPE ends, 128 + 13
 
 
@@ -138,6 +141,7 @@ def _add_commands(to: argparse.ArgumentParser, there: Mapping[str, ModuleType], 
             continue
         made = words.add_parser(name, help=told, description=" ".join([told, *further]), parents=[_common()])
         command.add(made)
+        made.epilog = UNKEPT if name in BRIEF else None
         made.set_defaults(function=command.run, prog=made.prog)
 
 

@@ -12,7 +12,7 @@ from steer_env import assists, drivers, friction, manoeuvres, metrics, targets
 from steer_env.experiments.cli import drive
 from steer_env.experiments.cli.common import names, options
 from steer_env.experiments.cli.common.messages import in_options
-from steer_env.experiments.cli.main import GROUPS, commands, main, parser
+from steer_env.experiments.cli.main import BRIEF, GROUPS, UNKEPT, commands, main, parser
 from steer_env.experiments.cli.study import SWEEPING
 from steer_env.experiments.learning import policy_report
 from steer_env.friction.numerics.registry import dashed, listed
@@ -309,3 +309,12 @@ def test_what_computes_many_cases_takes_workers_and_resumes():
         assert action.help.startswith("worker processes")
     for action in _options("--resume").values():
         assert action.help.startswith("go on from ")
+
+
+def test_what_lasts_and_does_not_resume_says_why():
+    """The others end within ten seconds, go on until somebody ends them, or run another command."""
+    told = {words for words, made in COMMANDS.items() if made.epilog == UNKEPT}
+    assert told == {(name,) for name in BRIEF}
+    others = {words for words in COMMANDS if words not in _options("--resume") and words not in told}
+    brief = {("drive",), ("evaluate",), ("export-object",), ("rerun",), ("serve",)}
+    assert {words for words in others if words[0] not in ("policy", "study")} == brief

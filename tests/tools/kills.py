@@ -28,7 +28,8 @@ POLICY = str(ROOT / "experiments" / "data" / "policies" / "DriverOnCentre-v1" / 
 KERNELS = Path(tempfile.gettempdir()) / "steer-env-kills"  # compiled code, which the commands share
 GONE = 10.0  # time in which the workers of a killed command end [s]
 NOTHING = ("has no study that could be resumed", "holds no checkpoint to resume")
-TIMES = {"computing_time", "created", "date", "seconds", "timing", "trace", "times"}  # in JSON: differ in every run
+# In JSON: times, which differ in every run, and numbers in a database in which a killed set has one, too.
+TIMES = {"computing_time", "created", "date", "seconds", "set", "timing", "trace", "times"}
 
 
 class Command(NamedTuple):
