@@ -4,8 +4,8 @@
 
 is the boost that replaces the table of the car: gradient s beyond a dead band T_d of the torsion-bar torque. With the
 factor D on the motor damping, the level F_c and the pre-sliding distance x_c of the friction at the column, and the
-offset T_0 of the torque, it is fitted by least squares to the part of the drive that does not judge. The car follows
-handwheel angle and speed; the torque of the drive is only compared.
+offset T_0 of the torque, which is added to that of the car, it is fitted by least squares to the part of the drive that
+does not judge. The car follows handwheel angle and speed; the torque of the drive is only compared.
 
 Rack force, ratio and everything else are those of the car, so that a car with twice the rack force has twice 1 + s.
 """
@@ -22,7 +22,7 @@ from scipy.optimize import least_squares
 from steer_env import friction
 from steer_env.friction.numerics.thread_pool import one_blas_thread
 from steer_env.hand_torque import Drive, Identified
-from steer_env.hand_torque.fit import X_C, blocks, interval_of, redrawn, sums_of
+from steer_env.hand_torque.fit import X_C, blocks, interval_of, redrawn, sums_of, widened
 from steer_env.hand_torque.model import RATE, has_distance, stretched
 from steer_env.manoeuvres import Manoeuvre
 from steer_env.manoeuvres.common.driving import OpenLoop, build_plant, drive_plant, open_loop
@@ -39,6 +39,7 @@ RUN_IN = 10.0  # ... and from there to the first sample that is compared, so tha
 LONGEST = 300.0  # of either part that the car is driven through, next to where judging begins; assumed [s]
 TORQUES = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0, 1.5, 2.0, 3.0, 5.0, 7.0)  # of a row [N m]
 ROUNDS = 25  # of least squares, at most
+FEWEST = {"fitted": 45.0, "judging": 10.0}  # seconds of either part that must be compared, assumed [s]
 
 
 class Term(NamedTuple):
@@ -58,7 +59,7 @@ TERMS = {
     "D": Term(1.0, 0.0, 6.0, 0.05, "1", "factor on the motor damping"),
     "F_c": Term(0.5, 1e-3, 6.0, 0.02, "N m", "level of the friction at the column"),
     "x_c": Term(math.radians(0.3), X_C[0], X_C[-1], 4e-4, "rad", "its pre-sliding distance"),
-    "T_0": Term(0.0, -math.inf, math.inf, 0.0, "N m", "offset of sensor and road"),
+    "T_0": Term(0.0, -math.inf, math.inf, 0.05, "N m", "offset of sensor and road"),
 }
 
 
@@ -66,7 +67,8 @@ class ColumnFit(NamedTuple):
     """A car that was fitted to a drive, and what it leaves of the part that judges."""
 
     car: cars.Car
-    friction: Any  # parameters of the law at its column, None without a dry law
+    friction: Any  # parameters of the law at its column; without a dry law viscous friction of zero
+    speed: float  # at which the boost is that of the terms, the mean of the fitted part [m/s]
     terms: Mapping[str, float]  # of ``TERMS``
     intervals: Mapping[str, tuple[float, float]]  # 95 %, from blocks drawn anew about the linearised car
     residual: float  # root mean square that is left of the part that was not fitted [N m]
@@ -93,18 +95,26 @@ def fit_column(
     Raises
     ------
     ValueError
-        If the car cannot be driven through the drive, for example as its assist loop is unstable.
+        If the car cannot be driven through the drive, for example as its assist loop is unstable, or if too little of a
+        part can be compared.
     """
     d, law = found.drive, found.best.name if found.dry else None
     car = cars.load(base.data(), {"steering.friction_load": 0.0})  # the level is that of the whole drive
     early = slice(max(found.first - round(LONGEST * RATE), 0), found.first)
     late = slice(max(found.first - round(RUN_IN * RATE), 0), found.first + round(LONGEST * RATE))
-    speed = float(d.speed[early].mean())
+    for name, part in (("fitted", early), ("judging", late)):
+        if (seconds := _used(d, part).sum() / RATE) < FEWEST[name]:
+            raise ValueError(
+                f"{seconds:.3g} s of the {name} part can be compared with a car, and {FEWEST[name]:g} s are needed"
+            )
+    if (fastest := d.speed.max()) > SPEED_MAX:
+        raise ValueError(f"the drive reaches {3.6 * fastest:.4g} km/h, and cars drive up to {3.6 * SPEED_MAX:.4g}")
+    speed = float(d.speed[early][_used(d, early)].mean())
     squares: dict[str | None, Array] = {}
     terms: dict[str, float] = {}
     with one_blas_thread():
-        for part, each in ((0.0, None), (0.3, law)):
-            notify(part, f"column and chassis with {each or 'no dry friction'}")
+        for done, each in ((0.0, None), (0.3, law)):
+            notify(done, f"column and chassis with {each or 'no dry friction'}")
             terms, intervals = _fitted(_part(car, d, early, speed, each), terms, seed)
             squares[each] = _error(_part(car, d, late, speed, each), terms) ** 2
     block = blocks(squares[None].size)
@@ -114,7 +124,8 @@ def fit_column(
     left = {each: float(np.sqrt(of.mean())) for each, of in squares.items()}
     return ColumnFit(
         cars.load(car.data(), {f"assist.{key}": value for key, value in changes(car, terms, speed).items()}),
-        None if law is None else _law(law, terms),
+        _law(law, terms),
+        speed,
         terms,
         intervals,
         left[law],
@@ -126,12 +137,15 @@ def fit_column(
 def changes(car: cars.Car, terms: Mapping[str, float], speed: float) -> dict[str, Any]:
     """The keys of the assist that hold the boost (H3) and the motor damping of ``terms``.
 
-    The boost is that at ``speed`` [m/s]; at other speeds it is larger or smaller as the largest boost of the car is.
+    The boost is that at ``speed`` [m/s]; at other speeds it is larger or smaller as the boost of the car is at the last
+    torque of its table. ValueError where that is zero at ``speed``.
     """
     assist = car.data()["assist"]
     most = np.array(assist["boost"])[:, -1] * assist["boost_scale"]
     there = np.interp(speed, assist["speeds"], most)
-    share = most / there if there > 0.0 else np.ones_like(most)
+    if not there > 0.0:
+        raise ValueError(f"{car.name} has no boost at {3.6 * speed:.3g} km/h, of which the drive could tell the size")
+    share = most / there
     row = terms["s"] * np.maximum(np.array(TORQUES) - terms["T_d"], 0.0)  # (H3)
     return {
         "torques": list(TORQUES),
@@ -175,8 +189,12 @@ def _part(car: cars.Car, d: Drive, part: slice, boosted: float, law: str | None)
         others={TARGET_SPEED: lambda t: np.interp(t, time, speed) - speed[0]},
     )
     p = build_plant(car, manoeuvre, _law(law, {name: term.start for name, term in TERMS.items()}))
-    used = (d.weight[part] > 0.0) & (time >= RUN_IN)
-    return _Part(car, law, p, manoeuvre, open_loop(p, manoeuvre), boosted, time, d.torque[part], used)
+    return _Part(car, law, p, manoeuvre, open_loop(p, manoeuvre), boosted, time, d.torque[part], _used(d, part))
+
+
+def _used(d: Drive, part: slice) -> NDArray[np.bool_]:
+    """Samples of a part that are compared."""
+    return (d.weight[part] > 0.0) & (d.time[part] - d.time[part.start] >= RUN_IN)
 
 
 def _law(law: str | None, terms: Mapping[str, float]) -> Any:
@@ -198,13 +216,12 @@ def _fitted(
     part: _Part, start: Mapping[str, float], seed: int
 ) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
     """Terms that leave least of a part, and their intervals."""
-    lacks = {"T_0", *(("F_c", "x_c") if part.law is None else () if has_distance(part.law) else ("x_c",))}
+    lacks = ("F_c", "x_c") if part.law is None else () if has_distance(part.law) else ("x_c",)
     names = [name for name in TERMS if name not in lacks]
     least, largest, step = (np.array([TERMS[name][i] for name in names]) for i in (1, 2, 3))
 
     def error(x: Array) -> Array:
-        left = _error(part, {**dict(zip(names, x)), "T_0": 0.0})
-        return left - left.mean()
+        return _error(part, dict(zip(names, x)))
 
     def tried(x: Array) -> Array:
         try:
@@ -212,21 +229,34 @@ def _fitted(
         except ValueError:  # the loop is unstable, or the car spins: no good value
             return np.full(part.used.sum(), 10.0 * np.ptp(part.torque))
 
+    def slope(x: Array, here: Array, h: Array) -> Array:
+        try:
+            return (error(x + h) - here) / h.sum()
+        except ValueError:  # of a boundary, on whose other side it is
+            return (here - error(x - h)) / h.sum()
+
     def slopes(x: Array) -> Array:
-        here = tried(x)
-        ahead = np.where(x + step < largest, step, -step)
-        return np.column_stack([(tried(x + h * unit) - here) / h for h, unit in zip(ahead, np.eye(x.size))])
+        here = error(x)
+        return np.column_stack([slope(x, here, h) for h in np.diag(np.where(x + step < largest, step, -step))])
 
     x = np.array([start.get(name, TERMS[name].start) for name in names])
     error(x)  # tells why the car cannot be driven
     best = least_squares(tried, x, slopes, (least, largest), x_scale=20.0 * step, ftol=1e-4, max_nfev=ROUNDS)
-    terms = dict(zip(names, map(float, best.x)))
-    terms["T_0"] = -float(_error(part, {**terms, "T_0": 0.0}).mean())
     block = blocks(best.fun.size)
-    of = sums_of(np.column_stack([best.jac, np.ones(best.fun.size)]), best.fun, np.ones(best.fun.size), block)
-    draws = [np.linalg.lstsq(np.tensordot(n, of.G, 1), n @ of.h)[0] for n in redrawn(len(of.n), seed)]
-    low, high = zip(*(interval_of(values) for values in np.array(draws).T))
-    return terms, {
-        name: (max(terms[name] - b, TERMS[name].least), min(terms[name] - a, TERMS[name].largest))
-        for name, a, b in zip(terms, low, high)
-    }
+    of = sums_of(best.jac, best.fun, np.ones(best.fun.size), block)
+    count = len(of.n)
+    wide = widened(count, max(count - len(names), 1))
+    draws = [wide * np.linalg.lstsq(np.tensordot(n, of.G, 1), n @ of.h)[0] for n in redrawn(count, seed)]
+    ends = np.clip(best.x - np.array([interval_of(values)[::-1] for values in np.array(draws).T]).T, least, largest)
+    low, high = np.minimum(ends[0], best.x), np.maximum(ends[1], best.x)
+    terms = dict(zip(names, map(float, best.x)))
+    return terms, {name: (float(a), float(b)) for name, a, b in zip(names, low, high)}
+
+
+def at_limits(terms: Mapping[str, float]) -> tuple[str, ...]:
+    """Terms that ended at a limit of the search that is no limit of what there can be."""
+    return tuple(
+        name
+        for name, value in terms.items()
+        if any(end and abs(value - end) < TERMS[name].step for end in (TERMS[name].least, TERMS[name].largest))
+    )

@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from steer_env import friction
-from steer_env.experiments.calibration.column_fit import TERMS, ColumnFit
+from steer_env.experiments.calibration.column_fit import LONGEST, RUN_IN, TERMS, ColumnFit, at_limits
 from steer_env.experiments.pages.files import replaced_directory
 from steer_env.experiments.pages.pages import Page, image, place
 from steer_env.experiments.pages.plots import thinned
@@ -82,7 +82,7 @@ def law_file(fit: ColumnFit, law: str) -> dict[str, Any]:
         "friction": friction.as_mapping(fit.friction),
         "units": dict(LAW_UNITS),
         "level": None,
-        "interval_of_level": list(fit.intervals["F_c"]),
+        "interval_of_level": list(fit.intervals.get("F_c", (0.0, 0.0))),
         "undetermined": [],
         "notes": [f"{law} friction at the column of car.toml beside this file, identified with it from one drive"],
     }
@@ -127,6 +127,8 @@ def as_json(found: Identified, of_car: ColumnFit | str) -> dict[str, Any]:
 
 def _car(fit: ColumnFit) -> dict[str, Any]:
     return {
+        "speed": fit.speed,
+        "at_limits": list(at_limits(fit.terms)),
         "residual": fit.residual,
         "adds": fit.adds,
         "adds_interval": list(fit.adds_interval),
@@ -191,6 +193,9 @@ def page_of(found: Identified, name: str, folder: str, of_car: ColumnFit | str =
         "of_car": None if isinstance(of_car, str) else of_car,
         "refused": of_car,
         "car_terms": TERMS,
+        "limited": () if isinstance(of_car, str) else at_limits(of_car.terms),
+        "longest": LONGEST,
+        "run_in": RUN_IN,
         "notes": [*found.drive.notes, *at_ends(found)],
         "best": best,
         "rows": first_rows(found),
@@ -217,8 +222,8 @@ def write(out: Path, found: Identified, name: str, of_car: ColumnFit | str, trac
     ``trace`` is of :func:`steer_env.experiments.pages.provenance.trace`. Page and JSON files hold both.
     """
     files = {"fit.json": as_json(found, of_car)}
-    if not isinstance(of_car, str) and of_car.friction is not None:
-        files["friction.json"] = law_file(of_car, title(found.best.name))
+    if not isinstance(of_car, str):
+        files["friction.json"] = law_file(of_car, title(found.best.name) if found.dry else "no dry")
     with replaced_directory(out, contents()) as part:
         place(part, page_of(found, name, out.name, of_car), files, trace)
         if not isinstance(of_car, str):

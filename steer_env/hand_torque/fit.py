@@ -371,8 +371,7 @@ def _estimate(value: float, draws: Array, count: int, factor: float) -> tuple[fl
 
     The draws are of ``count`` blocks, and few blocks ask for a wider interval than that of their draws.
     """
-    tail = 0.5 + 0.5 * LEVEL
-    wide = np.sqrt(count / (count - 1.0)) * stats.t.ppf(tail, count - 1) / stats.norm.ppf(tail)
+    wide = widened(count, count - 1)
     low, high = interval_of(draws)
     rest = SYSTEMATIC * value
     below, above = np.hypot(wide * (value - low), rest), np.hypot(wide * (high - value), rest)
@@ -411,6 +410,12 @@ def _lost(drive: Drive, shape: str, name: str, chosen: Candidate, p: Array) -> f
 def redrawn(count: int, seed: int | np.random.Generator, draws: int = DRAWS) -> Array:
     """How often each of ``count`` blocks counts when as many are drawn anew, (draws, count)."""
     return np.random.default_rng(seed).multinomial(count, np.full(count, 1.0 / count), draws).astype(float)
+
+
+def widened(count: int, degrees: int) -> float:
+    """Factor on the interval of draws of few blocks, with so many degrees of freedom left, by Student's t [1]."""
+    tail = 0.5 + 0.5 * LEVEL
+    return float(np.sqrt(count / degrees) * stats.t.ppf(tail, degrees) / stats.norm.ppf(tail))
 
 
 def interval_of(values: Array) -> tuple[float, float]:

@@ -65,7 +65,7 @@ def test_the_fitted_car_predicts_the_drive(written):
     assert best["residual"] < car["residual"] < 0.23  # regression
     assert car["adds_interval"][0] < car["adds"] < car["adds_interval"][1]
     page = (written / "index.html").read_text(encoding="utf-8")
-    assert f"the fitted car predicts that torque to {car['residual']:.3f} N m" in page
+    assert f"the fitted car with the offset T_0 predicts that torque to {car['residual']:.3f} N m" in page
 
 
 def made_by(car, law, seed=3):
@@ -86,10 +86,22 @@ def test_the_car_that_made_a_drive_is_found():
     found = column_fit.fit_column(identify(drive, laws=["dahl"]), base)
     assert found.residual < 0.01 * np.std(drive["torsion_bar_torque"])
     assert found.adds_interval[0] > 0.0
+    assert not column_fit.at_limits(found.terms)
     for name, value in true.items():
         assert found.terms[name] == pytest.approx(value, rel=0.05), name
+        low, high = found.intervals[name]
+        assert low <= found.terms[name] <= high
     boosts = (np.array(each.data()["assist"]["boost"]) for each in (found.car, car))
     np.testing.assert_allclose(*boosts, rtol=0.05, atol=0.05)
+
+
+def test_too_little_of_a_drive_and_a_car_without_boost_are_told():
+    found = identify(synthetic.drive(1, "coulomb", 0.4), laws=["coulomb"])
+    with pytest.raises(ValueError, match="compact has no boost at"):
+        column_fit.fit_column(found, cars.load("compact", {"assist.boost_scale": 0.0}))
+    late = found.drive._replace(weight=np.where(found.drive.time < 60.0, 0.0, found.drive.weight))
+    with pytest.raises(ValueError, match=r"s of the fitted part can be compared with a car, and 45 s are needed"):
+        column_fit.fit_column(found._replace(drive=late), cars.load("compact"))
 
 
 @pytest.mark.filterwarnings("ignore:car compact. boost, limit")
@@ -99,7 +111,7 @@ def test_a_car_that_cannot_be_driven_is_told(tmp_path, capsys):
     assert main(["fit-steering", "mkz_2016", *words]) == 0
     assert "no car is written: drive: the assist loop is unstable" in capsys.readouterr().out
     assert not (out / "car.toml").exists()
-    assert "could not be driven through the drive" in (out / "index.html").read_text(encoding="utf-8")
+    assert "No car is written: drive: the assist loop is unstable" in (out / "index.html").read_text(encoding="utf-8")
 
 
 def refused(capsys, *words):
