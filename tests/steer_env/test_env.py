@@ -493,7 +493,8 @@ def test_friction_does_not_act_straight_ahead(law, chassis):
 
 
 @pytest.mark.parametrize(
-    ("name", "value"), zip((*randomise.OF_MOTION, *randomise.OF_FRICTION), (9.0, 0.5, 20.0, 2.0, 0.1, 0.2, 0.3))
+    ("name", "value"),
+    list(zip((*randomise.OF_MOTION, *randomise.OF_FRICTION), (9.0, 0.5, 20.0, 2.0, 0.1, 0.2, 0.3))),
 )
 def test_each_condition_alone_changes_the_plant(name, value):
     batch = gym.make("steer_env/DriverLaneKeeping-v1", control_dt=0.01).unwrapped.batch
