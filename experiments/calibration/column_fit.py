@@ -56,7 +56,7 @@ class Term(NamedTuple):
 TERMS = {
     "s": Term(3.0, 0.0, 15.0, 0.05, "1", "gradient of the boost"),
     "T_d": Term(0.1, 0.0, 1.0, 0.01, "N m", "dead band of the boost"),
-    "D": Term(1.0, 0.0, 6.0, 0.05, "1", "factor on the motor damping"),
+    "D": Term(1.0, 0.0, 20.0, 0.05, "1", "factor on the motor damping"),
     "F_c": Term(0.5, 1e-3, 6.0, 0.02, "N m", "level of the friction at the column"),
     "x_c": Term(math.radians(0.3), X_C[0], X_C[-1], 4e-4, "rad", "its pre-sliding distance"),
     "T_0": Term(0.0, -math.inf, math.inf, 0.05, "N m", "offset of sensor and road"),
@@ -74,6 +74,7 @@ class ColumnFit(NamedTuple):
     residual: float  # root mean square that is left of the part that was not fitted [N m]
     adds: float  # by how much it leaves less than the same car fitted without dry friction [N m]
     adds_interval: tuple[float, float]  # 95 % [N m]
+    limited: tuple[str, ...]  # terms that ended at a limit of the search, with dry friction or without
 
 
 def fit_column(
@@ -112,10 +113,12 @@ def fit_column(
     speed = float(d.speed[early][_used(d, early)].mean())
     squares: dict[str | None, Array] = {}
     terms: dict[str, float] = {}
+    limited: list[str] = []
     with one_blas_thread():
-        for done, each in ((0.0, None), (0.3, law)):
-            notify(done, f"column and chassis with {each or 'no dry friction'}")
+        for each in dict.fromkeys((None, law)):
+            notify(0.3 * len(squares), f"column and chassis with {each or 'no dry friction'}")
             terms, intervals = _fitted(_part(car, d, early, speed, each), terms, seed)
+            limited += _at_limits(terms)
             squares[each] = _error(_part(car, d, late, speed, each), terms) ** 2
     block = blocks(squares[None].size)
     times = redrawn(int(block.max()) + 1, seed)
@@ -131,6 +134,7 @@ def fit_column(
         left[law],
         left[None] - left[law],
         interval_of(drawn[None] - drawn[law]),
+        tuple(dict.fromkeys(limited)),
     )
 
 
@@ -253,10 +257,10 @@ def _fitted(
     return terms, {name: (float(a), float(b)) for name, a, b in zip(names, low, high)}
 
 
-def at_limits(terms: Mapping[str, float]) -> tuple[str, ...]:
-    """Terms that ended at a limit of the search that is no limit of what there can be."""
-    return tuple(
+def _at_limits(terms: Mapping[str, float]) -> list[str]:
+    """Terms that ended at a limit of the search that is no limit of what there can be, as zero is."""
+    return [
         name
         for name, value in terms.items()
         if any(end and abs(value - end) < TERMS[name].step for end in (TERMS[name].least, TERMS[name].largest))
-    )
+    ]

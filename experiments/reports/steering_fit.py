@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from steer_env import friction
-from steer_env.experiments.calibration.column_fit import LONGEST, RUN_IN, TERMS, ColumnFit, at_limits
+from steer_env.experiments.calibration.column_fit import LONGEST, RUN_IN, TERMS, ColumnFit
 from steer_env.experiments.pages.files import replaced_directory
 from steer_env.experiments.pages.pages import Page, image, place
 from steer_env.experiments.pages.plots import thinned
@@ -128,7 +128,7 @@ def as_json(found: Identified, of_car: ColumnFit | str) -> dict[str, Any]:
 def _car(fit: ColumnFit) -> dict[str, Any]:
     return {
         "speed": fit.speed,
-        "at_limits": list(at_limits(fit.terms)),
+        "at_limits": list(fit.limited),
         "residual": fit.residual,
         "adds": fit.adds,
         "adds_interval": list(fit.adds_interval),
@@ -193,7 +193,7 @@ def page_of(found: Identified, name: str, folder: str, of_car: ColumnFit | str =
         "of_car": None if isinstance(of_car, str) else of_car,
         "refused": of_car,
         "car_terms": TERMS,
-        "limited": () if isinstance(of_car, str) else at_limits(of_car.terms),
+        "limited": () if isinstance(of_car, str) else of_car.limited,
         "longest": LONGEST,
         "run_in": RUN_IN,
         "notes": [*found.drive.notes, *at_ends(found)],

@@ -86,7 +86,7 @@ def test_the_car_that_made_a_drive_is_found():
     found = column_fit.fit_column(identify(drive, laws=["dahl"]), base)
     assert found.residual < 0.01 * np.std(drive["torsion_bar_torque"])
     assert found.adds_interval[0] > 0.0
-    assert not column_fit.at_limits(found.terms)
+    assert found.limited == ()
     for name, value in true.items():
         assert found.terms[name] == pytest.approx(value, rel=0.05), name
         low, high = found.intervals[name]

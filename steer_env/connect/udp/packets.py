@@ -122,7 +122,10 @@ class Layout(NamedTuple):
 
 
 def layout_of(subsystem: Subsystem) -> Layout:
-    """The packets of a subsystem: inputs, outputs and tunable parameters are those of the unit by ``export-fmu``."""
+    """The packets of a subsystem: inputs, outputs and tunable parameters are those of the unit by ``export-fmu``.
+
+    But for the road under each wheel and the poses of the wheels, which only the unit has.
+    """
     tunable = (v for v in variables(subsystem, 2) if v.use == "TUNABLE" and not v.boolean)
     return Layout(subsystem.name, subsystem.given, subsystem.outputs, tuple(tunable))
 
