@@ -71,6 +71,7 @@ CHANNEL = {name: i for i, (name, _) in enumerate(CHANNELS)}
 
 STEPS_PER_CHASSIS_STEP = 2  # column steps for each evaluation of the chassis
 CHASSIS_STEP = STEPS_PER_CHASSIS_STEP * SAMPLE_TIME  # [s]
+SETTLING = 20  # samples from the balance of the chassis to that of what the plant keeps of the last steps
 STOP_STIFFNESS = 2e6  # of the end stops of the rack, assumed [N/m]
 
 
@@ -238,6 +239,15 @@ def report_chassis(p, state, u, row):
 
 
 @kernel
+def begin(p, state):
+    """Write the state of straight running in balance; :func:`settled` completes it."""
+    at = layout(p)
+    for i in range(state.size):
+        state[i] = 0.0
+    chassis.begin(p.chassis, p.strut, p.tyre[0], state[at.chassis : at.rate])
+
+
+@kernel
 def run(p, state, inputs, record, substeps):
     """Advance the plant by one sample of 1 ms per row of inputs.
 
@@ -311,6 +321,12 @@ def run_rows(template, rows, states, inputs, channels, finite, low, high):
         finite[i] = run(p, states[i], inputs[i], channels[i : i + 1], 1)
 
 
+@kernel
+def begin_row(template, row, state):
+    """As :func:`begin`, of a plant by its numbers (1, K) as in :func:`run_rows`."""
+    begin(of_row(template, row, 0), state)
+
+
 def reported(p: Plant, state: NDArray[np.float64], u: NDArray[np.float64]) -> NDArray[np.float64]:
     """Channels (C,) of a state (S,) at the end of a sample with a row ``u`` (I,) of inputs."""
     row = np.zeros(len(channels(p)))
@@ -334,18 +350,20 @@ def initial_state(p: Plant) -> NDArray[np.float64]:
     return settled(p)[0]
 
 
-def settled(p: Plant, run: Callable = run) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def settled(
+    p: Plant, run: Callable = run, begin: Callable = begin
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """State (S,) of straight running, as :func:`initial_state`, and its channels (C,).
 
-    The plant runs straight for five seconds, some fifty time constants of the speed hold, which balances the drive.
-    ``run`` has the effect of :func:`run`.
+    The chassis begins in balance on a level road, and runs straight until what the plant keeps of the last steps is
+    that of the balance: some milliseconds, and on a road with banks, tracks or heights for five seconds.
+    ``run`` and ``begin`` have the effect of :func:`run` and :func:`begin`.
     """
     kind, at = chassis.chassis_of(p.chassis), layout_of(p)
-    start = chassis.start(p.chassis)
     state = np.zeros(size_of(p))
-    state[at.chassis : at.chassis + len(start)] = start
+    begin(p, state)
     row = np.zeros((1, len(channels(p))))
-    run(p, state, np.zeros((5000, len(INPUTS))), row, 1)
+    run(p, state, np.zeros((SETTLING, len(INPUTS))), row, 1)
     for i, (name, _) in enumerate(kind.states):
         if name in ("x", "y", "distance"):
             state[at.chassis + i] = 0.0

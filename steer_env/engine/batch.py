@@ -160,12 +160,13 @@ class EnvironmentBatch:
         a, at = self.arrays, self._layout
         plants = self._template, a.plants, a.states, a.inputs, a.channels, a.finite
         self._advance = bind(plant.run_rows, *plants, 0, self.n)
+        self._begin = bind(plant.begin_row, self._template, a.plants, a.states[0])
         self._fill_inputs = bind(fill_inputs, a, at, True, 0, self.n)
         self._evaluate = bind(evaluate, a, self._scores, at, self.task.parameters, 0, True, 0, self.n)
 
     def __getstate__(self) -> dict[str, Any]:
         # Compiled functions cannot be pickled, and the episodes and scores are other views of their arrays.
-        left_out = ("_advance", "_fill_inputs", "_evaluate", "episodes", "_scores")
+        left_out = ("_advance", "_begin", "_fill_inputs", "_evaluate", "episodes", "_scores")
         return {key: value for key, value in self.__dict__.items() if key not in left_out}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -197,10 +198,14 @@ class EnvironmentBatch:
 
         return run
 
+    def _beginner(self, own: Array) -> Callable[..., None]:
+        """Begins the plant of these numbers as :func:`steer_env.vehicle.plant.begin` does, by the batch's own kernel."""
+        return lambda _, state: self._begin(self._template, own[None], state)
+
     def _settled(self, p: plant.Plant) -> tuple[Array, Array, Array]:
         """Numbers, settled state and channels of a plant."""
         own = numbers(p)
-        return (own, *plant.settled(p, self._runner(own)))
+        return (own, *plant.settled(p, self._runner(own), self._beginner(own)))
 
     @property
     def usual_conditions(self) -> Conditions:

@@ -64,6 +64,6 @@ __all__ = [
     "register",
     "report",
     "speed",
-    "start",
+    
     "state_size",
 ]

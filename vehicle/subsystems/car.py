@@ -35,22 +35,12 @@ NAMED = {
     "coast": ("coast", "above 0 where the speed hold is off, 0 to 1", PEDAL),
 }
 _UNITS = dict(INPUTS)
-SETTLING = 5000  # samples that `plant.settled` runs straight
 
 
 def named(name: str) -> Signal:
     """The input of a subsystem for an input of the plant."""
     own, meaning, bounds = NAMED[name]
     return Signal(own, _UNITS[name], meaning, 0.0, *bounds)
-
-
-@kernel
-def begin(p, state):
-    """Write the state from which straight running settles: all zero but for the chassis, which has its held speed."""
-    at = layout(p)
-    for i in range(state.size):
-        state[i] = 0.0
-    chassis.begin(p.chassis, state[at.chassis : at.rate])
 
 
 @kernel
@@ -93,5 +83,5 @@ def subsystem(p: plant.Plant) -> Subsystem:
         shown=shown,
         zero_states=tuple(first + i for i in positions),
         zero_outputs=(plant.CHANNEL["x"], plant.CHANNEL["y"]),
-        settling=SETTLING,
+        settling=plant.SETTLING,
     )

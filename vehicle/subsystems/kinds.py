@@ -4,7 +4,8 @@ from typing import Any, NamedTuple
 
 from steer_env.friction.numerics.check import one_of
 from steer_env.friction.numerics.kernel import dispatch, kernel, plain
-from steer_env.vehicle.chassis import chassis_of, start
+from steer_env.vehicle import plant
+from steer_env.vehicle.chassis import chassis_of
 from steer_env.vehicle.plant import Plant
 from steer_env.vehicle.subsystems import car, chassis, steering
 from steer_env.vehicle.subsystems.subsystem import Subsystem
@@ -75,7 +76,7 @@ def _chassis(subsystem, state, given, inputs, outputs, samples):
 
 @kernel
 def _begin_plant(subsystem, state):
-    car.begin(subsystem.plant, state)
+    plant.begin(subsystem.plant, state)
 
 
 @kernel

@@ -17,6 +17,7 @@ from steer_env.friction.numerics.check import number
 from steer_env.vehicle import chassis, plant
 from steer_env.vehicle.analysis import linear
 from steer_env.vehicle.cars import Car
+from steer_env.vehicle.layout import layout_of, size_of
 
 Array = NDArray[np.float64]
 Driver = Callable[[float, Array], tuple[float, float]]  # time [s], channels (C,) -> angle [rad], speed [rad/s]
@@ -28,7 +29,9 @@ EFFORT = 0.03
 
 def held_speed(p: plant.Plant) -> float:
     """The speed at which a plant starts [m/s]."""
-    return float(chassis.chassis_of(p.chassis).speed(p.chassis, chassis.start(p.chassis)))
+    state = np.zeros(size_of(p))
+    plant.begin(p, state)
+    return float(chassis.chassis_of(p.chassis).speed(p.chassis, state[layout_of(p).chassis :]))
 
 
 def sampled_model(model: linear.LinearSingleTrack, samples: int) -> tuple[Array, Array, Array]:

@@ -167,8 +167,8 @@ def register(name: str, parameters: type, **fields: Any) -> None:
     from_car : ``(car, speed, road_friction, road) -> parameters``
         Parameters of a checked car on a road (None: level and dry); ValueError for a road that the chassis cannot
         take.
-    begin : ``(p, x) -> None``
-        Write the states of straight running at the held speed, which the plant settles.
+    begin : ``(p, strut, tyre, x) -> None``
+        Write the states of straight running at the held speed, in balance on a level road.
     derivative : ``(p, strut, tyre, x, rack, rack_rate, u, dx, out) -> rack force``
         Time derivative of the states, and the outputs, at a row ``u`` of inputs, which may exceed their bounds by half.
     advance : ``(p, x, rate, rate_before, out, out_before, s, h, u) -> None``
@@ -217,20 +217,12 @@ def chassis_of(p: Any) -> Chassis:
     return chassis
 
 
-def start(p: Any) -> NDArray[np.float64]:
-    """States (S,) of straight running at the held speed, which the plant settles."""
-    kind = chassis_of(p)
-    x = np.zeros(len(kind.states))
-    plain(kind.begin)(p, x)
-    return x
-
-
 # The dispatch points. Plain Python runs the bodies; compiled code calls the function of the chassis directly.
 
 
-def begin(p, x):
+def begin(p, strut, tyre, x):
     """States of straight running into ``x``."""
-    chassis_of(p).begin(p, x)
+    chassis_of(p).begin(p, strut, tyre, x)
 
 
 def derivative(p, strut, tyre, x, rack, rack_rate, u, dx, out):

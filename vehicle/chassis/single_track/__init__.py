@@ -17,10 +17,12 @@ which integrates until the forces along the body hold the speed or the front axl
 docs/model.md numbers the equations. Source: derived here; the parameters are in the data file of the car.
 """
 
+from steer_env.friction.numerics import scratch
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle.chassis.common.interface import (
     COMMON_CHANNELS,
     COMMON_OUTPUTS,
+    INPUTS,
     SPEED_MAX,
     SPEED_MIN,
     extrapolated_step,
@@ -28,11 +30,12 @@ from steer_env.vehicle.chassis.common.interface import (
 )
 from steer_env.vehicle.chassis.single_track.derivative import derivative
 from steer_env.vehicle.chassis.single_track.from_car import LOAD_TIME, from_car
-from steer_env.vehicle.chassis.single_track.layout import REPORTED_STATES, STATES, SingleTrack
+from steer_env.vehicle.chassis.single_track.layout import DRIVE_FORCE, REPORTED_STATES, SLIP_FL, STATES, SingleTrack
 
 __all__ = ["LOAD_TIME", "STATES", "SingleTrack", "derivative"]
 
-_STATE_SIZE, _OUTPUT_SIZE = len(STATES), len(COMMON_OUTPUTS)
+_STATE_SIZE, _OUTPUT_SIZE, _INPUT_SIZE = len(STATES), len(COMMON_OUTPUTS), len(INPUTS)
+_PASSES = 8  # of `begin`; after four of them no bit changes any more with the packaged cars
 _FIRST_OUTPUT = len(REPORTED_STATES)
 
 
@@ -70,10 +73,22 @@ def output_size(p):
 
 
 @kernel
-def begin(p, x):
-    """Write the states of straight running; the plant settles the drive force."""
+def begin(p, strut, tyre, x):
+    """Write the states of straight running in balance: what holds the speed, and the slips that toe makes.
+
+    Each pass solves the lags of slips and drive force exactly for the forces of the pass before, which hardly depend on
+    the drive force.
+    """
+    dx, out, u = scratch.floats(_STATE_SIZE), scratch.floats(_OUTPUT_SIZE), scratch.floats(_INPUT_SIZE)
     for i in range(_STATE_SIZE):
         x[i] = 0.0
+    for i in range(_INPUT_SIZE):
+        u[i] = 0.0
+    for _ in range(_PASSES):
+        derivative(p, strut, tyre, x, 0.0, 0.0, u, dx, out)
+        for i in range(4):
+            x[SLIP_FL + i] += dx[SLIP_FL + i] * p.sigma_y / p.v_x
+        x[DRIVE_FORCE] += dx[DRIVE_FORCE] * p.T_drive
 
 
 register(

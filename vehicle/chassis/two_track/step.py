@@ -1,6 +1,8 @@
 """One step of the two-track states, the channels that the chassis reports, and the states from which it starts."""
 
 from steer_env.friction.numerics.kernel import kernel
+from steer_env.friction.numerics import scratch
+from steer_env.vehicle.chassis.common.equilibrium import Unknowns, balance
 from steer_env.vehicle.chassis.common.interface import COMMON_OUTPUTS, HAND_BRAKE, extrapolated_step
 from steer_env.vehicle.chassis.two_track.brakes import axle_step, brake_torques
 from steer_env.vehicle.chassis.two_track.drivetrain import shift
@@ -8,20 +10,28 @@ from steer_env.vehicle.chassis.two_track.layout import (
     COMMON_SIZE,
     DRIVE,
     GEAR,
+    INTEGRAL,
+    KAPPA,
     LATERAL_SPEED,
     OMEGA,
     OUTPUT_SIZE,
+    PITCH,
     REPORTED_OUTPUTS,
     REPORTED_STATES,
     ROAD_TORQUE,
     ROLL,
     SHIFT_TIME,
     STATE_SIZE,
+    TAN_ALPHA,
     THROTTLE,
     THROTTLE_CHANNEL,
+    TRAVEL,
+    TRAVEL_RATE,
     YAW,
     YAW_RATE,
+    Q,
     U,
+    W,
     X,
     Y,
     Z,
@@ -96,8 +106,8 @@ def output_size(p):
 
 
 @kernel
-def begin(p, x):
-    """Write the states of straight running at the held speed in the design position; the plant settles them."""
+def _design(p, x):
+    """Write the states of straight running at the held speed in the design position."""
     d = p.body[0]
     for i in range(STATE_SIZE):
         x[i] = 0.0
@@ -107,3 +117,38 @@ def begin(p, x):
         x[OMEGA + i] = omega
     for _ in range(p.drive.ratios.size):
         x[GEAR], _ = shift(p.drive, x[GEAR], 0.0, 0.2, omega, omega, 1.0)
+
+
+# Vertical balance, which is all that a standing car has; then that of a rolling one, the speed hold last.
+_UNKNOWNS = Unknowns(
+    at=(PITCH, Z, TRAVEL, TRAVEL + 2, W, OMEGA, OMEGA + 2, KAPPA, KAPPA + 2, TAN_ALPHA, TAN_ALPHA + 2, INTEGRAL),
+    mirrored=(PITCH, Z, TRAVEL + 1, TRAVEL + 3, W, OMEGA + 1, OMEGA + 3, KAPPA + 1, KAPPA + 3, TAN_ALPHA + 1, TAN_ALPHA + 3, INTEGRAL),
+    signs=(1.0,) * 9 + (-1.0, -1.0, 1.0),
+    rates=(Q, W, TRAVEL_RATE, TRAVEL_RATE + 2, Z, OMEGA, OMEGA + 2, KAPPA, KAPPA + 2, TAN_ALPHA, TAN_ALPHA + 2, U),
+    steps=(1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-5, 1e-5, 1e-7, 1e-7, 1e-7, 1e-7, 1e-6),
+)
+_STANDING, _ROLLING, _HOLDING = 4, 11, 12
+
+
+@kernel
+def begin(p, strut, tyre, x):
+    """Write the states of straight running at the held speed, in balance on a level road.
+
+    A car that cannot hold its speed begins with full throttle.
+    """
+    dx, out = scratch.floats(STATE_SIZE), scratch.floats(OUTPUT_SIZE)
+    _design(p, x)
+    if p.body[0].speed == 0.0:
+        balance(p, strut, tyre, x, _UNKNOWNS, _STANDING, dx, out)
+        return
+    for _ in range(p.drive.ratios.size):
+        if not balance(p, strut, tyre, x, _UNKNOWNS, _HOLDING, dx, out):
+            _design(p, x)
+            x[INTEGRAL] = p.hold.acceleration
+            balance(p, strut, tyre, x, _UNKNOWNS, _ROLLING, dx, out)
+            return
+        omega_f, omega_r = mean_angular_velocities(x)
+        gear, _ = shift(p.drive, x[GEAR], 0.0, out[THROTTLE], omega_f, omega_r, 1.0)
+        if gear == x[GEAR]:
+            return
+        x[GEAR] = gear

@@ -1,0 +1,86 @@
+"""Straight running in balance: Newton's method on states whose rates vanish there.
+
+Left and right are one unknown each time, so that the car stays exactly symmetric.
+"""
+
+from typing import NamedTuple
+
+from steer_env.friction.numerics import scratch
+from steer_env.friction.numerics.kernel import kernel
+from steer_env.vehicle.chassis.common.interface import INPUTS, derivative
+
+MOST = 16  # unknowns
+_MATRIX, _INPUTS = MOST * MOST, len(INPUTS)
+ITERATIONS = 20  # a car that can hold its speed needs three to five
+CLOSE = 1e-6  # change of every unknown, over its step, at which it is found [1]
+
+
+class Unknowns(NamedTuple):
+    """Unknown states, the mirrored ones, their signs there, the states whose rates vanish, and steps of differences."""
+
+    at: tuple[int, ...]
+    mirrored: tuple[int, ...]
+    signs: tuple[float, ...]
+    rates: tuple[int, ...]
+    steps: tuple[float, ...]
+
+
+@kernel
+def _move(at, mirrored, signs, x, j, change):
+    x[at[j]] += change
+    if mirrored[j] != at[j]:
+        x[mirrored[j]] = signs[j] * x[at[j]]
+
+
+@kernel
+def solve(J, r, n):
+    """Solve J d = r (n,), J by rows of MOST, with partial pivoting; d in place of r. False for a singular J."""
+    for k in range(n):
+        pivot = k
+        for i in range(k + 1, n):
+            if abs(J[MOST * i + k]) > abs(J[MOST * pivot + k]):
+                pivot = i
+        if J[MOST * pivot + k] == 0.0:
+            return False
+        if pivot != k:
+            for j in range(k, n):
+                J[MOST * k + j], J[MOST * pivot + j] = J[MOST * pivot + j], J[MOST * k + j]
+            r[k], r[pivot] = r[pivot], r[k]
+        for i in range(k + 1, n):
+            factor = J[MOST * i + k] / J[MOST * k + k]
+            for j in range(k, n):
+                J[MOST * i + j] -= factor * J[MOST * k + j]
+            r[i] -= factor * r[k]
+    for k in range(n - 1, -1, -1):
+        for j in range(k + 1, n):
+            r[k] -= J[MOST * k + j] * r[j]
+        r[k] /= J[MOST * k + k]
+    return True
+
+
+@kernel
+def balance(p, strut, tyre, x, unknowns, n, dx, out):
+    """Bring the first ``n`` unknowns of ``x`` to balance; whether that was found. ``dx`` and ``out`` are overwritten."""
+    J, r, u = scratch.floats(_MATRIX), scratch.floats(MOST), scratch.floats(_INPUTS)
+    for i in range(_INPUTS):
+        u[i] = 0.0
+    for _ in range(ITERATIONS):
+        derivative(p, strut, tyre, x, 0.0, 0.0, u, dx, out)
+        for i in range(n):
+            r[i] = -dx[unknowns.rates[i]]
+        for j in range(n):
+            h, kept, other = unknowns.steps[j], x[unknowns.at[j]], x[unknowns.mirrored[j]]
+            _move(unknowns.at, unknowns.mirrored, unknowns.signs, x, j, h)
+            derivative(p, strut, tyre, x, 0.0, 0.0, u, dx, out)
+            x[unknowns.mirrored[j]], x[unknowns.at[j]] = other, kept
+            for i in range(n):
+                J[MOST * i + j] = (dx[unknowns.rates[i]] + r[i]) / h
+        if not solve(J, r, n):
+            return False
+        far = False
+        for j in range(n):
+            _move(unknowns.at, unknowns.mirrored, unknowns.signs, x, j, r[j])
+            far |= not abs(r[j]) <= CLOSE * unknowns.steps[j]
+        if not far:
+            return True
+    return False
