@@ -85,16 +85,30 @@ class Packed(NamedTuple):
 
 
 def pack(parameters: Any) -> Packed:
-    """All numbers and all tables of the parameters."""
-    found = leaves(parameters)
-    numbers, tables = ([_floats(leaf) for leaf in found if leaf.table == table] for table in (False, True))
-    return Packed(np.concatenate([np.zeros(0), *numbers]), np.concatenate([np.zeros(0), *tables]))
+    """All numbers and all tables of the parameters, in the order of :func:`leaves`."""
+    found: tuple[list[Array], list[Array]] = [np.zeros(0)], [np.zeros(0)]
+    _collect(parameters, *found)
+    return Packed(*map(np.concatenate, found))
 
 
-def _floats(leaf: Leaf) -> Array:
-    if np.ndim(leaf.value):
-        return np.ascontiguousarray(leaf.value).view(np.float64).ravel()
-    return np.array([float(leaf.value)])
+def numbers(parameters: Any) -> Array:
+    """The numbers alone (N,), as a reset needs them."""
+    found = [np.zeros(0)]
+    _collect(parameters, found, [])
+    return np.concatenate(found)
+
+
+def _collect(value: Any, numbers: list[Array], tables: list[Array]) -> None:
+    """As :func:`leaves`, without the paths, which take most of its time."""
+    if isinstance(value, tuple):
+        if type(value) in _shared:
+            numbers = tables
+        for member in value:
+            _collect(member, numbers, tables)
+    elif isinstance(value, np.ndarray):
+        numbers.append(np.ascontiguousarray(value).view(np.float64).ravel())
+    else:
+        numbers.append(np.array([float(value)]))
 
 
 def slices(parameters: Any) -> dict[str, slice]:

@@ -24,7 +24,7 @@ from steer_env.episode.timing import SAMPLES_PER_UPDATE
 from steer_env.friction.numerics.check import number, whole
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.kernel import bind
-from steer_env.friction.numerics.packing import outline, pack
+from steer_env.friction.numerics.packing import numbers, outline
 from steer_env.friction.numerics.thread_pool import ThreadPool
 from steer_env.manoeuvres.common.driving import sine_response
 from steer_env.tasks.common.definition import (
@@ -129,6 +129,7 @@ class EnvironmentBatch:
         weights_of = _weights(task, weights)
 
         usual = self._randomise.usual
+        self._free = self.car.plant(usual.friction, usual.speed, chassis=self.chassis, road=self.road)
         template = self._template = self._plant(usual, task.robot, self.driver)
         for corner in self._randomise.corners:  # refused now, not in some later episode
             with_level(template._replace(friction=corner.friction), corner)
@@ -171,31 +172,31 @@ class EnvironmentBatch:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self._template = frozen(self._template)  # a copied array can be written to, which is another type to a kernel
+        # A copied array can be written to, which is another type to a kernel.
+        self._free, self._template = frozen(self._free), frozen(self._template)
         self.episodes = self.arrays.episodes.view(EPISODE, np.ndarray)
         self._scores = scores(self.task, self.arrays)
         self._bind()
 
     def _plant(self, drawn: Conditions, robot: bool, driver: drivers.Driver | None = None) -> plant.Plant:
-        """The plant of an episode, with a robot, with the arms of a driver or with free hands."""
-        p = self.car.loaded(drawn.load).plant(
-            drawn.friction,
-            speed=drawn.speed,
-            robot=robot,
-            road_friction=drawn.road_friction,
-            chassis=self.chassis,
-            road=self.road,
-        )
-        p = with_level(p, drawn)
+        """The plant of an episode, with a robot, with the arms of a driver or with free hands.
+
+        As :meth:`steer_env.vehicle.cars.car.Car.plant` makes it, but only what the draws change is made anew.
+        """
+        p = self._free
+        if not drawn.same_motion(self._randomise.usual):
+            loaded = self.car.loaded(drawn.load)
+            p = p._replace(chassis=loaded.running(drawn.speed, drawn.road_friction, self.chassis, self.road))
+        p = with_level(p._replace(friction=drawn.friction, robot=float(robot)), drawn)
         return p if robot or driver is None else drivers.with_arms(p, driver.arm)
 
-    def _runner(self, numbers: Array) -> Callable[..., None]:
+    def _runner(self, own: Array) -> Callable[..., None]:
         """Runs the plant of these numbers as :func:`steer_env.vehicle.plant.run` does, by the batch's own kernel."""
         finite = np.ones(1, bool)
 
         def run(_: Any, state: Array, inputs: Array, channels: Array, substeps: int) -> None:
             a = self.arrays._replace(
-                plants=numbers[None], states=state[None], inputs=inputs[None], channels=channels, finite=finite
+                plants=own[None], states=state[None], inputs=inputs[None], channels=channels, finite=finite
             )
             self._advance(a, self._layout, self._outline, False, False, 0, 1)
 
@@ -203,8 +204,8 @@ class EnvironmentBatch:
 
     def _settled(self, p: plant.Plant) -> tuple[Array, Array, Array]:
         """Numbers, settled state and channels of a plant."""
-        numbers = pack(p).numbers
-        return (numbers, *plant.settled(p, self._runner(numbers)))
+        own = numbers(p)
+        return (own, *plant.settled(p, self._runner(own)))
 
     @property
     def usual_conditions(self) -> Conditions:
@@ -217,7 +218,7 @@ class EnvironmentBatch:
         As :func:`steer_env.manoeuvres.common.driving.sine_response`, with an amplitude [rad] and a frequency [Hz].
         """
         p = self._plant(conditions, robot=True)
-        return sine_response(p, amplitude, frequency, self._runner(pack(p).numbers))
+        return sine_response(p, amplitude, frequency, self._runner(numbers(p)))
 
     def start(self, i: int, rng: np.random.Generator, options: Mapping[str, Any]) -> None:
         """Begin an episode in row ``i``; ``options`` fix what would be drawn. ValueError for an unknown option."""
@@ -287,7 +288,7 @@ class EnvironmentBatch:
             if drawn.same_plant(usual):
                 return self._usual_start
             p = with_level(self._template._replace(friction=drawn.friction), drawn)
-            return (pack(p).numbers, *self._usual_start[1:])  # friction does not act straight ahead
+            return (numbers(p), *self._usual_start[1:])  # friction does not act straight ahead
         return self._settled(self._plant(drawn, robot, self.driver if driven else None))
 
     def step(self, actions: NDArray[np.float32], generators: Sequence[np.random.Generator]) -> None:

@@ -447,10 +447,10 @@ _watched = SimpleNamespace(on=False, seen=[])
 
 
 def _meant() -> bool:
-    """Whether numba does it, which unpickles its cache, or the reader of MATLAB files, which has its own process."""
+    """Whether numba does it, which unpickles its cache, or what calls a reader in a process of its own."""
     frame = sys._getframe(2)
     while frame is not None and not frame.f_globals.get("__name__", "").startswith(
-        ("numba.", "steer_env.recording.mat_file")
+        ("numba.", "steer_env.recording.own_process")
     ):
         frame = frame.f_back  # type: ignore[assignment]
     return frame is not None

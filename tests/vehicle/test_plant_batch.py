@@ -23,7 +23,7 @@ def same(one, other):
 def test_a_plant_comes_back_from_its_numbers(law, chassis):
     template = CAR.plant(law, chassis=chassis)
     loaded = CAR.loaded(200.0).plant(law, speed=20.0, chassis=chassis)
-    rows = np.array([packing.pack(template).numbers, packing.pack(loaded).numbers])
+    rows = np.array([packing.numbers(template), packing.numbers(loaded)])
     assert same(packing.of_row(template, rows, 0), template)
     assert same(packing.of_row(packing.outline(template), rows, 0), template)
     other = packing.of_row(template, rows, 1)
@@ -32,7 +32,12 @@ def test_a_plant_comes_back_from_its_numbers(law, chassis):
 
 def test_slices_are_those_of_the_numbers():
     p = CAR.plant("masing", chassis="two_track", road=road.iso8608(1, "C"))
-    numbers, places = packing.pack(p).numbers, packing.slices(p)
+    numbers, tables = packing.pack(p)
+    places = packing.slices(p)
+    assert np.array_equal(numbers, packing.numbers(p))
+    assert [numbers.size, tables.size] == [
+        sum(e.size for e in packing.leaves(p) if e.table == t) for t in (False, True)
+    ]
     assert numbers[places["column.K_tb"]] == p.column.K_tb
     assert numbers[places["robot"]] == p.robot
     assert np.array_equal(numbers[places["friction.k"]], p.friction.k)
@@ -52,7 +57,7 @@ def test_rows_run_as_their_plants_alone(law, chassis):
     ]
     settled = [plant.settled(p) for p in plants]
     states, channels = (np.array([pair[k] for pair in settled]) for k in (0, 1))
-    rows, finite = np.array([packing.pack(p).numbers for p in plants]), np.zeros(3, bool)
+    rows, finite = np.array([packing.numbers(p) for p in plants]), np.zeros(3, bool)
     inputs = np.zeros((3, 40, len(plant.INPUTS)))
     inputs[:, :, plant.HAND] = rng.uniform(-3.0, 3.0, (3, 40))
     third, outline = states[2].copy(), packing.outline(plants[0])
