@@ -408,6 +408,8 @@ def test_episodes_are_those_of_single_environments():
             total += reward
         assert found.reward[i] == pytest.approx(total, rel=1e-12)
         assert found.metrics["rms_feel_error"][i] == info["metrics"]["rms_feel_error"]
+    with pytest.raises(ValueError, match=r"info_level must be 'full' for held-out episodes, .*, got 'metrics'"):
+        held_out.collect(WEAVE, lambda env: policy_report.baselines(WEAVE)["boost"](env), 1, info_level="metrics")
 
 
 def test_estimates():
