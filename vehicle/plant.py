@@ -304,7 +304,7 @@ def run_rows(template, rows, states, inputs, channels, finite, low, high):
     Parameters
     ----------
     template : Plant
-        A plant of the kind that all rows have; they share its tables of strut and road.
+        A plant of the kind that all rows have, or its outline; they share its tables of strut and road.
     rows : (N, K) array
         Numbers of the plants, as :func:`steer_env.friction.numerics.packing.pack` gives them.
     states : (N, S) array
@@ -350,9 +350,14 @@ def initial_state(p: Plant) -> NDArray[np.float64]:
     return settled(p)[0]
 
 
-def settled(
-    p: Plant, run: Callable = run, begin: Callable = begin
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def held_speed(p: Plant) -> float:
+    """The speed at which a plant starts [m/s]."""
+    state = np.zeros(size_of(p))
+    begin(p, state)
+    return float(plain(chassis.chassis_of(p.chassis).speed)(p.chassis, state[layout_of(p).chassis :]))
+
+
+def settled(p: Plant, run: Callable = run, begin: Callable = begin) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """State (S,) of straight running, as :func:`initial_state`, and its channels (C,).
 
     The chassis begins in balance on a level road, and runs straight until what the plant keeps of the last steps is

@@ -7,20 +7,14 @@ from llvmlite import ir
 from numba import extending, types
 from numba.core import cgutils
 from numba.np.arrayobj import populate_array
-from numpy.typing import NDArray
 
 from steer_env.friction.numerics.kernel import COMPILED
 
-_intrinsic: Any = extending.intrinsic(prefer_literal=True)
+_intrinsic: Any = extending.intrinsic
 _FLOATS = types.Array(types.float64, 1, "C")
 
 
-def floats(size: int) -> NDArray[np.float64]:
-    """An array (size,) of undefined floats; in compiled code ``size`` is a constant, and no caller may keep it."""
-    return np.empty(size)
-
-
-@_intrinsic
+@_intrinsic(prefer_literal=True)
 def _on_stack(typing_context, size):  # numba's form of a function that makes its own code
     if not isinstance(size, types.IntegerLiteral):
         return None
@@ -43,8 +37,5 @@ def _on_stack(typing_context, size):  # numba's form of a function that makes it
     return _FLOATS(size), generate
 
 
-if COMPILED:
-
-    @extending.overload(floats, prefer_literal=True, strict=False)
-    def _floats(size):
-        return lambda size: _on_stack(size)
+# For kernels: an array (size,) of undefined floats, ``size`` being a constant. No caller of a kernel may keep it.
+floats: Any = _on_stack if COMPILED else np.empty

@@ -25,6 +25,7 @@ def test_a_plant_comes_back_from_its_numbers(law, chassis):
     loaded = CAR.loaded(200.0).plant(law, speed=20.0, chassis=chassis)
     rows = np.array([packing.numbers(template), packing.numbers(loaded)])
     assert same(packing.of_row(template, rows, 0), template)
+    assert same(packing.of_row(packing.outline(template), rows, 0), template)
     other = packing.of_row(template, rows, 1)
     assert same(other._replace(tyre=template.tyre), loaded)
 
@@ -59,9 +60,9 @@ def test_rows_run_as_their_plants_alone(law, chassis):
     rows, finite = np.array([packing.numbers(p) for p in plants]), np.zeros(3, bool)
     inputs = np.zeros((3, 40, len(plant.INPUTS)))
     inputs[:, :, plant.HAND] = rng.uniform(-3.0, 3.0, (3, 40))
-    third = states[2].copy()
+    third, outline = states[2].copy(), packing.outline(plants[0])
     for _ in range(10):
-        plant.run_rows(plants[0], rows, states, inputs, channels, finite, 0, 2)
+        plant.run_rows(outline, rows, states, inputs, channels, finite, 0, 2)
     assert finite.tolist() == [True, True, False]
     assert np.array_equal(states[2], third)
     for i in range(2):

@@ -29,7 +29,6 @@ from .common.interface import (
     register,
     report,
     speed,
-    start,
     state_size,
 )
 
@@ -64,6 +63,5 @@ __all__ = [
     "register",
     "report",
     "speed",
-    
     "state_size",
 ]

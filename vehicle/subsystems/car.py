@@ -3,7 +3,7 @@
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle import chassis, plant
 from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST, HAND, HAND_SPEED, INPUTS, TARGET_SPEED
-from steer_env.vehicle.layout import layout, layout_of, states
+from steer_env.vehicle.layout import layout_of, states
 from steer_env.vehicle.steering.column import HANDWHEEL_ANGLE, HANDWHEEL_SPEED
 from steer_env.vehicle.subsystems.subsystem import Signal, Subsystem, channel_signals, reached
 

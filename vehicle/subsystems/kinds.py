@@ -3,9 +3,8 @@
 from typing import Any, NamedTuple
 
 from steer_env.friction.numerics.check import one_of
-from steer_env.friction.numerics.kernel import dispatch, kernel, plain
+from steer_env.friction.numerics.kernel import dispatch, kernel
 from steer_env.vehicle import plant
-from steer_env.vehicle.chassis import chassis_of
 from steer_env.vehicle.plant import Plant
 from steer_env.vehicle.subsystems import car, chassis, steering
 from steer_env.vehicle.subsystems.subsystem import Subsystem
@@ -33,7 +32,7 @@ def make(name: str, p: Plant, speed: float) -> Subsystem:
     one_of("subsystem", name, SUBSYSTEMS)
     if name == "steering":
         return steering.subsystem(p, speed)
-    own = float(plain(chassis_of(p.chassis).speed)(p.chassis, start(p.chassis)))
+    own = plant.held_speed(p)
     if abs(own - speed) > ROUNDING:
         raise ValueError(
             f"the plant of the {name} drives at {own:.6g} m/s, not at {speed:.6g} m/s: make it at that speed"

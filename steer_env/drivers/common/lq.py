@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 from steer_env.drivers.common.definition import ARM_DAMPING, ARM_FREQUENCY, DELAY, MUSCLE_LAG
 from steer_env.episode.timing import UPDATE_INTERVAL
 from steer_env.friction.numerics.check import number
-from steer_env.vehicle import chassis, plant
+from steer_env.vehicle import plant
 from steer_env.vehicle.analysis import linear
 from steer_env.vehicle.cars import Car
-from steer_env.vehicle.layout import layout_of, size_of
 
 Array = NDArray[np.float64]
 Driver = Callable[[float, Array], tuple[float, float]]  # time [s], channels (C,) -> angle [rad], speed [rad/s]
@@ -25,13 +24,6 @@ Driver = Callable[[float, Array], tuple[float, float]]  # time [s], channels (C,
 PREVIEW_TIME = 1.5  # [s]
 # Lateral offset that costs as much as one radian of handwheel angle, without arms, assumed [m/rad].
 EFFORT = 0.03
-
-
-def held_speed(p: plant.Plant) -> float:
-    """The speed at which a plant starts [m/s]."""
-    state = np.zeros(size_of(p))
-    plant.begin(p, state)
-    return float(chassis.chassis_of(p.chassis).speed(p.chassis, state[layout_of(p).chassis :]))
 
 
 def sampled_model(model: linear.LinearSingleTrack, samples: int) -> tuple[Array, Array, Array]:
@@ -118,7 +110,7 @@ class _Preview:
         self._pose = [at[name] for name in ("x", "y", "yaw_angle")]
         self._motion = [at[name] for name in ("lateral_speed", "yaw_rate")]
         self._speed = at.get("longitudinal_speed")
-        self._held, self._path, self._g, self._arms = held_speed(p), path, g, arms
+        self._held, self._path, self._g, self._arms = plant.held_speed(p), path, g, arms
         # In the car's frame its own y and psi are zero.
         self._on_motion, self._on_memory = K[:2], K[4:]
         self._memory = np.zeros(K.size - 4)
@@ -163,5 +155,5 @@ def preview(
     ValueError
         As :func:`gains`.
     """
-    model = linear.from_car(car, held_speed(p))
+    model = linear.from_car(car, plant.held_speed(p))
     return _Preview(p, path, *gains(model, preview_time, delay, effort))

@@ -9,11 +9,8 @@ sample of 1 ms, and the outputs and channels that all chassis share.
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
 from steer_env.friction.numerics.check import one_of
-from steer_env.friction.numerics.kernel import dispatch, kernel, plain
+from steer_env.friction.numerics.kernel import dispatch, kernel
 from steer_env.friction.numerics.registry import Registry
 from steer_env.vehicle.suspension.macpherson import MacPherson
 from steer_env.vehicle.tyre.tyre import Tyre

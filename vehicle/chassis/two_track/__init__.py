@@ -22,7 +22,7 @@ parts. The numbers are those of docs/model.md.
 Source: derived here; the parameters are in the data file of the car.
 """
 
-from steer_env.vehicle.chassis.common.interface import SPEED_MAX, WHEELS, register, start
+from steer_env.vehicle.chassis.common.interface import SPEED_MAX, WHEELS, register
 from steer_env.vehicle.chassis.two_track.derivative import derivative
 from steer_env.vehicle.chassis.two_track.from_car import from_car
 from steer_env.vehicle.chassis.two_track.layout import (
@@ -89,7 +89,6 @@ __all__ = [
     "Z",
     "derivative",
     "report",
-    "start",
 ]
 
 register(

@@ -1,7 +1,7 @@
 """One step of the two-track states, the channels that the chassis reports, and the states from which it starts."""
 
-from steer_env.friction.numerics.kernel import kernel
 from steer_env.friction.numerics import scratch
+from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle.chassis.common.equilibrium import Unknowns, balance
 from steer_env.vehicle.chassis.common.interface import COMMON_OUTPUTS, HAND_BRAKE, extrapolated_step
 from steer_env.vehicle.chassis.two_track.brakes import axle_step, brake_torques
@@ -122,7 +122,20 @@ def _design(p, x):
 # Vertical balance, which is all that a standing car has; then that of a rolling one, the speed hold last.
 _UNKNOWNS = Unknowns(
     at=(PITCH, Z, TRAVEL, TRAVEL + 2, W, OMEGA, OMEGA + 2, KAPPA, KAPPA + 2, TAN_ALPHA, TAN_ALPHA + 2, INTEGRAL),
-    mirrored=(PITCH, Z, TRAVEL + 1, TRAVEL + 3, W, OMEGA + 1, OMEGA + 3, KAPPA + 1, KAPPA + 3, TAN_ALPHA + 1, TAN_ALPHA + 3, INTEGRAL),
+    mirrored=(
+        PITCH,
+        Z,
+        TRAVEL + 1,
+        TRAVEL + 3,
+        W,
+        OMEGA + 1,
+        OMEGA + 3,
+        KAPPA + 1,
+        KAPPA + 3,
+        TAN_ALPHA + 1,
+        TAN_ALPHA + 3,
+        INTEGRAL,
+    ),
     signs=(1.0,) * 9 + (-1.0, -1.0, 1.0),
     rates=(Q, W, TRAVEL_RATE, TRAVEL_RATE + 2, Z, OMEGA, OMEGA + 2, KAPPA, KAPPA + 2, TAN_ALPHA, TAN_ALPHA + 2, U),
     steps=(1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-5, 1e-5, 1e-7, 1e-7, 1e-7, 1e-7, 1e-6),
