@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
 
-from steer_env.engine.infos import row
+from steer_env.engine.infos import require_full, row
 from steer_env.friction.numerics.check import one_of
 from steer_env.registration import REGISTERED
 
@@ -37,7 +37,8 @@ class SteerVecEnv(VecEnv):
     Raises
     ------
     ValueError
-        The id is not one of this package, or ``vector_reward`` is given, as Stable-Baselines3 takes one number.
+        The id is not one of this package, ``vector_reward`` is given, as Stable-Baselines3 takes one number, or an
+        ``info_level`` without ``cost`` and ``failure``.
     """
 
     def __init__(self, env_id: str, num_envs: int, **arguments: Any) -> None:
@@ -47,6 +48,7 @@ class SteerVecEnv(VecEnv):
                 "vector_reward must be False for Stable-Baselines3, whose rewards are numbers, got True: leave it out, "
                 "and use gymnasium.make_vec where rewards are to be arrays"
             )
+        require_full(arguments.get("info_level", "full"), "Stable-Baselines3, whose infos have cost and failure")
         self.vector: Any = gym.make_vec(env_id, num_envs, autoreset_mode=AutoresetMode.SAME_STEP, **arguments)
         super().__init__(num_envs, self.vector.single_observation_space, self.vector.single_action_space)
         self.metadata = self.vector.metadata

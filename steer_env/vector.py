@@ -9,7 +9,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from steer_env.engine.infos import Infos, of_some
+from steer_env.engine.infos import Infos, checked_level, of_some
 from steer_env.engine.specification import PlainSpecification
 from steer_env.engine.state import State, copied, restore
 from steer_env.env import as_actions, batch_of, clipped
@@ -43,7 +43,8 @@ class SteerVectorEnv(PlainSpecification, VectorEnv):
     ``reset(seed=s)`` seeds sub-environment i with s + i. A sub-environment that a first reset leaves out by its
     ``reset_mask`` counts as one whose episode has ended: it begins at the next step, or with DISABLED at its reset.
     Infos hold arrays over the sub-environments, with masks, as those of Gymnasium's vector environments do. In a step
-    that resets a sub-environment its info is that of the reset.
+    that resets a sub-environment its info is that of the reset. The two keys of SAME_STEP are there at every
+    ``info_level``.
     """
 
     metadata = {  # noqa: RUF012 (Gymnasium's own form)
@@ -62,16 +63,17 @@ class SteerVectorEnv(PlainSpecification, VectorEnv):
         threads: int | None = None,
         max_episode_steps: int | None = None,
         render_mode: str | None = None,
+        info_level: str = "full",
         **arguments: Any,
     ) -> None:
         num_envs = whole("num_envs", num_envs, 1)
-        self.render_mode = checked_mode(render_mode, VECTOR_MODES)
+        self.render_mode, self.info_level = checked_mode(render_mode, VECTOR_MODES), checked_level(info_level)
         self.num_envs = num_envs
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         if threads is None:
             threads = min(most_threads(), -(-num_envs // ROWS_PER_THREAD))
         steps = None if max_episode_steps in (None, -1) else whole("max_episode_steps", max_episode_steps, 1)
-        others = ("num_envs", "autoreset_mode", "threads", "max_episode_steps", "render_mode")
+        others = ("num_envs", "autoreset_mode", "threads", "max_episode_steps", "render_mode", "info_level")
         self.batch = batch_of(self.task, num_envs, arguments, others, threads=threads, max_episode_steps=steps)
         self.control_dt = self.batch.control_dt
         fps = frame_rate(render_mode, self.control_dt)
@@ -81,7 +83,7 @@ class SteerVectorEnv(PlainSpecification, VectorEnv):
         self.single_observation_space = gym.spaces.Box(-self.batch.bound, self.batch.bound, dtype=np.float32)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self._infos = Infos(self.batch)
+        self._infos = Infos(self.batch, info_level)
         self._renderers: list[Any] = []
         if render_mode is not None:
             from steer_env.rendering.renderer import renderers  # here, because it takes long to import

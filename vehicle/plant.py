@@ -294,7 +294,7 @@ def run_rows(template, rows, states, inputs, channels, finite, low, high):
     Parameters
     ----------
     template : Plant
-        A plant of the kind that all rows have; they share its tables of strut and road.
+        A plant of the kind that all rows have, or its outline; they share its tables of strut and road.
     rows : (N, K) array
         Numbers of the plants, as :func:`steer_env.friction.numerics.packing.pack` gives them.
     states : (N, S) array

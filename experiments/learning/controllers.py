@@ -1,10 +1,6 @@
-"""Controllers by the names that commands take: zero and random action, baselines, trained policies.
+"""Controllers by the names that commands take: zero and random action, baselines, trained policies."""
 
-The options of the baseline assists that a search has found for each assist task, and the baselines with them.
-"""
-
-import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,37 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env import assists, drivers, experiments, tasks
+from steer_env import assists, drivers, tasks
 from steer_env.experiments.learning import policy
 from steer_env.experiments.learning.constants import SHIPPED
 from steer_env.experiments.learning.held_out import Controller
-from steer_env.experiments.pages.files import write_json
-
-FILE = Path(experiments.__file__).parent / "data" / "baselines" / "assists.json"
-
-
-def _kept(path: Path) -> dict[str, dict[str, dict[str, Any]]]:
-    return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-
-
-def keep(env_id: str, found: Mapping[str, dict[str, Any]], path: Path = FILE) -> None:
-    """Put what searches for an id have found, by baseline, into a file; what it has of other searches stays."""
-    every = _kept(path)
-    every[env_id] = {**every.get(env_id, {}), **found}
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_json(path, dict(sorted(every.items())))
-
-
-def options(env_id: str, path: Path = FILE) -> dict[str, dict[str, float]]:
-    """The options that a search has found for an id, by baseline; empty without a search."""
-    return {name: found["options"] for name, found in _kept(path).get(env_id, {}).items()}
-
-
-def makers(env_id: str, path: Path = FILE) -> dict[str, Any]:
-    """Every baseline assist by name as a maker (env -> controller), with the options found for an id."""
-    found = options(env_id, path)
-    return {name: partial(assists.make, name, **found.get(name, {})) for name in assists.available()}
-
 
 Maker = Callable[[Any], Controller]
 
@@ -77,10 +46,10 @@ SIMPLE: dict[str, Maker] = {"zero": ZeroAction, "random": RandomActions}
 
 
 def baselines(env_id: str) -> dict[str, Maker]:
-    """Classical controllers of an id by name: assists with the options found for it, or drivers on a path."""
+    """Classical controllers of an id by name: assists with the best known options, or drivers on a path."""
     task = tasks.task(policy.check_driven(env_id))
     if task.name.startswith("Assist"):
-        return makers(env_id)
+        return {name: partial(assists.make, name) for name in assists.available()}
     observed = [quantity.name for quantity in task.task_observations]
     if "target_0.0s" in observed:
         return {"angle_servo": drivers.AngleServo}

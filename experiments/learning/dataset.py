@@ -16,6 +16,7 @@ import numpy as np
 from minari.data_collector import EpisodeBuffer
 
 from steer_env import friction
+from steer_env.engine.infos import require_full
 from steer_env.engine.specification import plain
 from steer_env.experiments.learning.controllers import Maker
 from steer_env.experiments.pages import provenance
@@ -56,7 +57,13 @@ def record(
         Receives the part that is done and a text.
     arguments :
         Of ``gymnasium.make``.
+
+    Raises
+    ------
+    ValueError
+        An ``info_level`` without what the set holds.
     """
+    require_full(arguments.get("info_level", "full"), "a data set, which holds costs, terms and conditions")
     env: Any = gym.make(env_id, **arguments)
     controller = make(env)
     buffers, about = [], []

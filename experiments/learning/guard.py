@@ -42,6 +42,15 @@ class Guard:
         """Forget the episodes of some rows (mask or indices), or of all."""
         self._new[rows] = True
 
+    def get_state(self) -> tuple[Any, ...]:
+        """A copy of what it remembers of all rows."""
+        return self._new.copy(), self._feel.get_state()
+
+    def set_state(self, state: tuple[Any, ...]) -> None:
+        """Go on from a copy."""
+        self._new[:] = state[0]
+        self._feel.set_state(state[1])
+
     def limited(self, observations: NDArray[np.float32], actions: NDArray[np.float32]) -> NDArray[np.float32]:
         """Actions (n, 1) for observations (n, O), with the share that may act; to be called once a control step."""
         torque, speed, forward = (observations[:, self._places] * self._units).astype(float).T
@@ -77,3 +86,12 @@ class GuardedVecEnv(VecEnvWrapper):
         self._seen, rewards, done, infos = self.venv.step_wait()
         self._guard.reset(done)
         return self._seen, rewards, done, infos
+
+    def get_state(self) -> tuple[Any, ...]:
+        """A copy of what decides, beside the environment, how it goes on."""
+        return np.copy(self._seen), self._guard.get_state()
+
+    def set_state(self, state: tuple[Any, ...]) -> None:
+        """Go on from a copy."""
+        self._seen = state[0]
+        self._guard.set_state(state[1])

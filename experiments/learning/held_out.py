@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
+from steer_env.engine.infos import require_full
 from steer_env.experiments.learning.constants import HELD_OUT
 
 Array = NDArray[np.float64]
@@ -81,7 +82,11 @@ def collect(
 def drive(
     env: Any, controller: Controller, seed: int | Sequence[int], options: Mapping[str, float] | None = None
 ) -> Episodes:
-    """One episode in every sub-environment of a vector environment; ``seed`` and ``options`` are those of its reset."""
+    """One episode in every sub-environment of a vector environment; ``seed`` and ``options`` are those of its reset.
+
+    ValueError for an environment whose ``info_level`` leaves out cost, failure or metrics.
+    """
+    require_full(env.unwrapped.info_level, "held-out episodes, of which cost, failure and metrics are told")
     episodes = env.num_envs
     controller.reset()
     observation, _ = env.reset(seed=seed, options=dict(options or {}))

@@ -6,14 +6,21 @@ Model and scaling of a checkpoint are named by their step, and ``state.json``, w
 them count. The curve is replaced as a whole. The best policy is replaced by a rename after its row stands in the curve,
 so that its reward is that of its own step there. A checkpoint comes before each validation: no row is ahead of the
 checkpoint, and the time of a resumed run does not run back.
+
+Checkpoints are made between two rollouts, with the episodes and the random numbers of the session: a PPO of a number
+of steps that was killed and resumed ends with the weights of one that was not, to the bit. SAC goes on with an empty
+memory.
 """
 
 import csv
 import inspect
 import io
 import json
+import pickle
+import random
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from importlib import metadata
 from importlib.resources import files
 from pathlib import Path
@@ -31,17 +38,19 @@ from steer_env.friction.numerics import toml
 from steer_env.friction.numerics.check import number
 
 FOLDER, STATE, CURVE, BEST, LATEST = "checkpoint", "state.json", "learning.csv", "policy.zip", "latest.zip"
-KEYS = ("env", "algo", "seed", "friction", "seconds", "steps", "model", "scaling")
+KEYS = ("env", "algo", "seed", "friction", "seconds", "steps", "next", "model", "scaling", "session")
 
 
-def save(out: Path, state: Mapping[str, Any], model: Any, scaling: Any) -> None:
-    """Write what resuming needs; ``state`` has the entries of ``KEYS`` but for the two file names."""
+def save(out: Path, state: Mapping[str, Any], model: Any, scaling: Any, session: Any) -> None:
+    """Write what resuming needs; ``state`` has the entries of ``KEYS`` but for the three file names."""
     folder = out / FOLDER
     folder.mkdir(exist_ok=True)
-    names = {"model": f"model-{state['steps']}.zip", "scaling": f"scaling-{state['steps']}.pkl"}
-    if not (folder / STATE).is_file() or load(out)["steps"] != state["steps"]:  # else these files are in use, and right
+    steps = state["steps"]
+    names = {"model": f"model-{steps}.zip", "scaling": f"scaling-{steps}.pkl", "session": f"session-{steps}.pkl"}
+    if not (folder / STATE).is_file() or load(out)["steps"] != steps:  # else these files are in use, and right
         model.save(folder / names["model"], exclude=policy.SCHEDULE)
         scaling.save(str(folder / names["scaling"]))
+        (folder / names["session"]).write_bytes(pickle.dumps(session))
     write_json(folder / STATE, {**state, **names})
     for path in folder.iterdir():
         if path.name not in (STATE, *names.values()):
@@ -87,6 +96,31 @@ def validated(out: Path) -> int:
         return -1
     with (out / CURVE).open(encoding="utf-8", newline="") as file:
         return max((int(row["steps"]) for row in csv.DictReader(file)), default=-1)
+
+
+def _random_state() -> tuple[Any, ...]:
+    """Of all generators from which Stable-Baselines3 draws."""
+    import torch
+
+    return random.getstate(), np.random.get_state(), torch.get_rng_state()  # noqa: NPY002
+
+
+def _set_random_state(state: tuple[Any, ...]) -> None:
+    import torch
+
+    random.setstate(state[0])
+    np.random.set_state(state[1])  # noqa: NPY002
+    torch.set_rng_state(state[2])
+
+
+@contextmanager
+def _random_state_kept() -> Iterator[None]:
+    """Leaves the generators as they were."""
+    state = _random_state()
+    try:
+        yield
+    finally:
+        _set_random_state(state)
 
 
 # Intervals of wall time; a checkpoint takes a fraction of a second, a validation some seconds.
@@ -192,28 +226,35 @@ class _Clock:
         self._run, self._minutes, self._steps, self._notify = run, minutes, steps, notify
         self._begun = time.monotonic()
         self._saved = self._begun
-        self._next = 0.0  # validation, as a part of the training; the first one is of the untrained policy
 
     @property
     def elapsed(self) -> float:
         """Wall time of training in all sessions, without validations [s]."""
         return self._run.seconds + time.monotonic() - self._begun
 
-    def __call__(self, model: Any) -> bool:
-        part = self.elapsed / (60.0 * self._minutes) if self._minutes else model.num_timesteps / (self._steps or 1)
-        self._run.part = part
-        self._notify(min(part, 1.0), f"{model.num_timesteps} steps")
-        if part >= self._next:
-            every = VALIDATE_EVERY / (60.0 * self._minutes) if self._minutes else VALIDATE_STEPS / (self._steps or 1)
-            self._next = part + every
+    def _part(self, model: Any) -> float:
+        return self.elapsed / (60.0 * self._minutes) if self._minutes else model.num_timesteps / (self._steps or 1)
+
+    def pause(self, model: Any) -> None:
+        """Between two rollouts: validate and keep a checkpoint where they are due."""
+        part = self._part(model)
+        if part >= self._run.next_validation:
             begin = time.monotonic()
-            self._run.validate(model, self.elapsed)
-            lost = time.monotonic() - begin
-            self._begun += lost
-            self._saved += lost
-        if time.monotonic() - self._saved >= CHECKPOINT_EVERY:
+            self._run.checkpoint(model, self.elapsed)
+            if self._run.validated != model.num_timesteps:
+                self._run.validate(model, self.elapsed)
+            self._begun += time.monotonic() - begin
+            every = VALIDATE_EVERY / (60.0 * self._minutes) if self._minutes else VALIDATE_STEPS / (self._steps or 1)
+            self._run.next_validation = part + every
+            self._saved = time.monotonic()
+        elif time.monotonic() - self._saved >= CHECKPOINT_EVERY:
             self._run.checkpoint(model, self.elapsed)
             self._saved = time.monotonic()
+
+    def goes_on(self, model: Any) -> bool:
+        """Whether the training goes on after a step."""
+        self._run.part = part = self._part(model)
+        self._notify(min(part, 1.0), f"{model.num_timesteps} steps")
         return part < 1.0
 
 
@@ -263,6 +304,7 @@ class Training:
         state: dict[str, Any] = {"algo": "ppo", "seed": 0, "friction": "lugre"}
         self.seconds, self.best, self.validated = 0.0, -np.inf, -1  # the last in steps
         self.part = 0.0  # of the training that is done, in all sessions
+        self.next_validation = 0.0  # the part at which it is due; the first one is of the untrained policy
         self._resume, self._trained = resume, 0
         if resume:
             state = _checkpoint(out)
@@ -274,7 +316,7 @@ class Training:
                         f"--{key} {state[key]}, or train in another directory"
                     )
             self.seconds, self.best, self._trained = state["seconds"], best(out), state["steps"]
-            self.validated = validated(out)
+            self.validated, self.next_validation = validated(out), state["next"]
         else:
             usable(out)
             if out.exists() and any(out.iterdir()):
@@ -297,8 +339,9 @@ class Training:
     ) -> None:
         """Train for a time or for a number of steps, both of all sessions together.
 
-        A run of a number of steps can be repeated to the bit. A run that ends early leaves a checkpoint. One that is
-        resumed where the checkpoint has reached the length trains no more, and validates what was not yet validated.
+        A run of a number of steps can be repeated to the bit. A run that ends early leaves a checkpoint of its last
+        minute. One that is resumed where the checkpoint has reached the length trains no more, and validates what was
+        not yet validated; with a greater length it goes on with new episodes.
 
         Parameters
         ----------
@@ -322,23 +365,29 @@ class Training:
 
         reached = self._reached(minutes, steps)
         chosen = self.settings["algorithm"]
-        raw = SteerVecEnv(
+        self._raw = raw = SteerVecEnv(
             self.env_id, chosen["num_envs"], friction=self.friction.parameters, **self.settings["environment"]
         )
         self._observations = [quantity.name for quantity in raw.vector.batch.observed]
         caution = policy.guard_of({"settings": self.settings})
-        monitored = VecMonitor(raw if caution is None else GuardedVecEnv(raw, caution))
+        self._guarded = None if caution is None else GuardedVecEnv(raw, caution)
+        monitored = VecMonitor(self._guarded or raw)
         if self._resume:
-            kept = {key: self.out / FOLDER / self._files[key] for key in ("model", "scaling")}
+            kept = {key: self.out / FOLDER / self._files[key] for key in ("model", "scaling", "session")}
             self._env = VecNormalize.load(str(kept["scaling"]), monitored)
-            # Another seed, as the episodes and the noise of the first session would otherwise be drawn again.
+            session = pickle.loads(kept["session"].read_bytes())
+            # Another seed, as the episodes and the noise of the first session would otherwise be drawn again where it
+            # reached its end.
             model = policy.algorithm(self.algo).load(
                 kept["model"],
                 env=self._env,
                 device="cpu",
                 seed=(self.seed + self._trained) % 2**32,
                 learning_rate=self.learning_rate,
+                force_reset=session is None,
             )
+            if session is not None:
+                self._continue(model, session)
         else:
             scaled = policy.is_scaled({"settings": self.settings})
             self._env = VecNormalize(monitored, scaled, scaled, gamma=chosen.get("gamma", 0.99))
@@ -352,20 +401,23 @@ class Training:
         self._command = self._words(f"--minutes {minutes:g}" if minutes else f"--steps {steps}")
 
         class Callback(BaseCallback):
-            """Passes each step to the clock."""
+            """Passes each rollout and step to the clock."""
+
+            def _on_rollout_start(self) -> None:
+                clock.pause(self.model)
 
             def _on_step(self) -> bool:
-                return clock(self.model)
+                return clock.goes_on(self.model)
 
         try:
             if reached:
                 notify(1.0, f"{model.num_timesteps} steps, which were reached before")
             else:
                 model.learn(10**12, callback=Callback(), reset_num_timesteps=not self._resume, tb_log_name=self.algo)
+                self.checkpoint(model, clock.elapsed, within=True)
         finally:
-            seconds = self.seconds if reached else clock.elapsed
-            self.checkpoint(model, seconds)
             raw.close()
+        seconds = self.seconds if reached else clock.elapsed
         if self.validated != model.num_timesteps:
             self.validate(model, seconds)
 
@@ -424,24 +476,44 @@ class Training:
         deviation = np.sqrt(found.var + self._env.epsilon)
         return {"mean": found.mean.tolist(), "deviation": deviation.tolist(), "clip": self._env.clip_obs}
 
-    def checkpoint(self, model: Any, seconds: float) -> None:
-        """Write what resuming needs."""
-        state = {**self._identity, "steps": model.num_timesteps, "seconds": seconds}
-        save(self.out, state, model, self._env)
+    def _session(self, model: Any) -> dict[str, Any]:
+        """What decides, beside model and scaling, how a training goes on after a rollout."""
+        return {
+            "episodes": self._raw.vector.unwrapped.get_state(),
+            "guard": self._guarded and self._guarded.get_state(),
+            "returns": self._env.returns,
+            "hidden": getattr(model, "_last_lstm_states", None),
+            "random": _random_state(),
+        }
+
+    def _continue(self, model: Any, session: Mapping[str, Any]) -> None:
+        """Go on from a session."""
+        self._raw.vector.unwrapped.set_state(session["episodes"])
+        if self._guarded:
+            self._guarded.set_state(session["guard"])
+        self._env.returns = session["returns"]
+        if session["hidden"] is not None:
+            model._last_lstm_states = session["hidden"]
+        _set_random_state(session["random"])
+
+    def checkpoint(self, model: Any, seconds: float, within: bool = False) -> None:
+        """Write what resuming needs; ``within`` a rollout its session cannot go on, and a new one begins."""
+        state = {**self._identity, "steps": model.num_timesteps, "seconds": seconds, "next": self.next_validation}
+        save(self.out, state, model, self._env, None if within else self._session(model))
 
     def validate(self, model: Any, seconds: float) -> None:
         """Evaluate the present policy on the validation seeds, and keep it if it is the best so far."""
-        self.checkpoint(model, seconds)
         latest = self.out / LATEST
         policy.save(latest, model, self._about(model))
-        found = held_out.collect(
-            self.env_id,
-            policy.load(latest),
-            VALIDATED,
-            VALIDATION,
-            friction=self.friction.parameters,
-            **policy.conditions({"settings": self.settings}),
-        )
+        with _random_state_kept():
+            found = held_out.collect(
+                self.env_id,
+                policy.load(latest),
+                VALIDATED,
+                VALIDATION,
+                friction=self.friction.parameters,
+                **policy.conditions({"settings": self.settings}),
+            )
         self.validated = model.num_timesteps
         reward = float(found.reward.mean())
         row = {

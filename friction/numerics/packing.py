@@ -85,16 +85,30 @@ class Packed(NamedTuple):
 
 
 def pack(parameters: Any) -> Packed:
-    """All numbers and all tables of the parameters."""
-    found = leaves(parameters)
-    numbers, tables = ([_floats(leaf) for leaf in found if leaf.table == table] for table in (False, True))
-    return Packed(np.concatenate([np.zeros(0), *numbers]), np.concatenate([np.zeros(0), *tables]))
+    """All numbers and all tables of the parameters, in the order of :func:`leaves`."""
+    found: tuple[list[Array], list[Array]] = [np.zeros(0)], [np.zeros(0)]
+    _collect(parameters, *found)
+    return Packed(*map(np.concatenate, found))
 
 
-def _floats(leaf: Leaf) -> Array:
-    if np.ndim(leaf.value):
-        return np.ascontiguousarray(leaf.value).view(np.float64).ravel()
-    return np.array([float(leaf.value)])
+def numbers(parameters: Any) -> Array:
+    """The numbers alone (N,), as a reset needs them."""
+    found = [np.zeros(0)]
+    _collect(parameters, found, [])
+    return np.concatenate(found)
+
+
+def _collect(value: Any, numbers: list[Array], tables: list[Array]) -> None:
+    """As :func:`leaves`, without the paths, which take most of its time."""
+    if isinstance(value, tuple):
+        if type(value) in _shared:
+            numbers = tables
+        for member in value:
+            _collect(member, numbers, tables)
+    elif isinstance(value, np.ndarray):
+        numbers.append(np.ascontiguousarray(value).view(np.float64).ravel())
+    else:
+        numbers.append(np.array([float(value)]))
 
 
 def slices(parameters: Any) -> dict[str, slice]:
@@ -103,10 +117,22 @@ def slices(parameters: Any) -> dict[str, slice]:
     return {".".join(leaf.path): slice(leaf.start, leaf.start + leaf.size) for leaf in numbers}
 
 
+def outline(parameters: Any) -> Any:
+    """The parameters with None for every float among the numbers: a template for :func:`of_row`.
+
+    A call from Python hands over a tuple leaf by leaf; floats that :func:`of_row` replaces would take most of its time.
+    """
+    if isinstance(parameters, tuple) and type(parameters) not in _shared:
+        members = [outline(member) for member in parameters]
+        return type(parameters)(*members) if hasattr(parameters, "_fields") else tuple(members)
+    return None if isinstance(parameters, float) else parameters
+
+
 def of_row(template, rows, i):
     """The parameters of row ``i``: a template with the numbers (N,) of ``rows[i]``, and its own tables.
 
-    Compiled code assembles it in registers, so that the kernels receive the same tuple as of parameters alone.
+    The template may be an :func:`outline`. Compiled code assembles the parameters in registers, so that the kernels
+    receive the same tuple as of parameters alone.
     """
     return _filled(template, iter(leaves(template)), rows[i])
 
@@ -120,7 +146,7 @@ def _filled(value: Any, rest: Iterator[Leaf], row: Array) -> Any:
         return value
     if np.ndim(value):
         return numbers.view(value.dtype).reshape(value.shape).view(type(value))
-    return type(value)(numbers[0])
+    return float(numbers[0]) if value is None else type(value)(numbers[0])
 
 
 # Compiled code.
@@ -140,6 +166,14 @@ def _rebuilt(context: Any, builder: Any, kind: Any, leaf: Callable[[Any, Any], A
         inner = None if template is None else builder.extract_value(template, k)
         members.append(_rebuilt(context, builder, member, leaf, inner))
     return context.make_tuple(builder, kind, members)
+
+
+def _filled_type(kind: Any) -> Any:
+    """The numba type of what :func:`of_row` makes of a template."""
+    if isinstance(kind, types.BaseTuple) and getattr(kind, "instance_class", None) not in _shared:
+        members = [_filled_type(member) for member in kind]  # type: ignore[attr-defined]  # numba declares no members
+        return types.BaseTuple.from_types(members, getattr(kind, "instance_class", None))
+    return types.float64 if kind == types.none else kind
 
 
 @_intrinsic
@@ -162,10 +196,10 @@ def _of_row(typing_context, template, rows, i):  # numba's form of a function th
             next_number = builder.gep(at, [builder.udiv(builder.mul(array.nitems, array.itemsize), _index(8))])
             return array._getvalue()
 
-        filled = _rebuilt(context, builder, signature.args[0], leaf, arguments[0])
+        filled = _rebuilt(context, builder, signature.return_type, leaf, arguments[0])
         return impl_ret_borrowed(context, builder, signature.return_type, filled)  # the arrays stay the template's
 
-    return template(template, rows, types.intp), generate
+    return _filled_type(template)(template, rows, types.intp), generate
 
 
 if COMPILED:

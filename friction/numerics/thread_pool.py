@@ -4,7 +4,7 @@ Kernels release the GIL, so no threading layer of numba is needed.
 """
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
 from functools import cache
@@ -42,15 +42,15 @@ def _libraries() -> Any:
 
 
 class ThreadPool:
-    """Runs work on slices of ``n`` rows in ``threads`` threads.
+    """Runs work on slices of ``n`` rows in ``threads`` threads, each of which takes up to ``at_once`` rows at a time.
 
     The threads belong to the process that started them; after a fork the child starts its own.
     """
 
-    def __init__(self, n: int, threads: int) -> None:
+    def __init__(self, n: int, threads: int, at_once: int) -> None:
         slices = min(threads, n)
         edges = np.linspace(0, n, slices + 1).round().astype(int).tolist()
-        self._slices = list(pairwise(edges))
+        self._slices = [list(pairwise([*range(low, high, at_once), high])) for low, high in pairwise(edges)]
         self._executor: ThreadPoolExecutor | None = None
         self._process = 0
 
@@ -58,15 +58,15 @@ class ThreadPool:
         return {**self.__dict__, "_executor": None, "_process": 0}  # a copy starts threads of its own
 
     def run(self, work: Callable[[int, int], None]) -> None:
-        """Call ``work(low, high)`` for every slice; the calling thread takes the first one."""
+        """Call ``work(low, high)`` until all rows are done; the calling thread takes the first slice."""
         if len(self._slices) == 1:
-            work(*self._slices[0])
+            _through(self._slices[0], work)
             return
         if self._process != os.getpid():  # threads do not survive a fork
             self._executor, self._process = ThreadPoolExecutor(len(self._slices) - 1), os.getpid()
         assert self._executor is not None
-        others = [self._executor.submit(work, low, high) for low, high in self._slices[1:]]
-        work(*self._slices[0])
+        others = [self._executor.submit(_through, ranges, work) for ranges in self._slices[1:]]
+        _through(self._slices[0], work)
         for other in others:
             other.result()
 
@@ -75,3 +75,8 @@ class ThreadPool:
         if self._executor is not None and self._process == os.getpid():
             self._executor.shutdown()
         self._executor, self._process = None, 0
+
+
+def _through(ranges: Iterable[tuple[int, int]], work: Callable[[int, int], None]) -> None:
+    for low, high in ranges:
+        work(low, high)

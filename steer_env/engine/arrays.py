@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.friction.numerics.packing import pack, slices
+from steer_env.friction.numerics.packing import numbers, slices
 from steer_env.tasks.common.definition import COST_LIMIT, Task, by_name
 from steer_env.vehicle import plant
 from steer_env.vehicle.chassis.common.interface import INPUTS
@@ -54,7 +54,7 @@ class BatchArrays(NamedTuple):
 
     episodes: Any  # (n,) records of EPISODE
     actions: NDArray[np.float32]  # (n,) of the present step, clipped to [-1, 1]
-    plants: Array  # (n, K) numbers of each plant, as steer_env.friction.numerics.packing.pack gives them
+    plants: Array  # (n, K) numbers of each plant, as steer_env.friction.numerics.packing.numbers gives them
     states: Array  # (n, S)
     previous_states: Array  # (n, S) before the last round of samples
     finite: NDArray[np.bool_]  # (n,) whether every state is finite
@@ -120,7 +120,7 @@ def allocate(task: Task, template: Plant, n: int, samples_per_round: int, delay_
     return BatchArrays(
         episodes=np.zeros(n, EPISODE).view(np.recarray),  # a view whose fields plain Python finds as kernels do
         actions=np.zeros(n, np.float32),
-        plants=np.tile(pack(template).numbers, (n, 1)),
+        plants=np.tile(numbers(template), (n, 1)),
         states=np.zeros((n, states)),
         previous_states=np.zeros((n, states)),
         finite=np.ones(n, bool),

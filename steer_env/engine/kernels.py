@@ -23,7 +23,21 @@ _ROLL = plant.CHANNEL["roll_angle"]
 
 
 @kernel
-def fill_inputs(arrays, layout, begins, low, high):
+def advance(arrays, layout, template, fills, begins, low, high):
+    """Fill the plant's inputs for the coming samples where it ``fills`` them, and advance the plant by these.
+
+    One call does both, as handing over the arrays from Python takes three times as long as filling the inputs of a row.
+    Evaluation, which depends on the task, stands apart, so that the plant is compiled once for all tasks.
+    """
+    if fills:
+        _fill_inputs(arrays, layout, begins, low, high)
+    plant.run_rows(
+        template, arrays.plants, arrays.states, arrays.inputs, arrays.channels, arrays.finite, low, high
+    )  # fmt: skip
+
+
+@kernel
+def _fill_inputs(arrays, layout, begins, low, high):
     """Fill the plant's inputs for the coming samples; the first call of a control step (``begins``) takes the action.
 
     The inputs are the scripted ones, straight lines between their updates, plus the action behind its lag. A scripted

@@ -17,7 +17,7 @@ from steer_env.engine.arrays import SETUP, stored
 from steer_env.engine.batch import EnvironmentBatch
 from steer_env.episode.randomise import Conditions
 from steer_env.friction.law import law_of
-from steer_env.friction.numerics.packing import pack
+from steer_env.friction.numerics.packing import numbers
 from steer_env.registration import id_of
 
 VERSION = 2  # of the format and of the meaning of what it holds: raised when either changes
@@ -84,9 +84,9 @@ def _kind(batch: EnvironmentBatch) -> dict[str, str]:
     p = batch.car.plant("coulomb", speed=20.0, chassis=batch.chassis)
     return {
         "id": id_of(batch.task.name),
-        "car": f"{batch.car.name} (numbers {_digest((pack(p).numbers, *p.strut))})",
+        "car": f"{batch.car.name} (numbers {_digest((numbers(p), *p.strut))})",
         "chassis": batch.chassis,
-        "law": f"{law.name} ({pack(usual.friction).numbers.size} numbers, {law.memory_size(usual.friction)} of memory)",
+        "law": f"{law.name} ({numbers(usual.friction).size} numbers, {law.memory_size(usual.friction)} of memory)",
         "driver": repr(batch.driver),
         "road": "the default" if road is None else f"numbers {_digest(road)}",
         "control_dt": f"{batch.control_dt:g} s",

@@ -1,9 +1,13 @@
 """What MATLAB v7.3 files hold, which are HDF5, with the package h5py: numbers, text and structures of these."""
 
+import importlib.util
+import os
 from os import PathLike
 from typing import Any
 
 import numpy as np
+
+from steer_env.recording import own_process
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 USER_BLOCK = 512  # MATLAB's own header before the signature [bytes]
@@ -24,17 +28,18 @@ def content(path: str | PathLike[str]) -> dict[str, Any]:
     ValueError
         Without h5py, with the command that installs it; or if the file is damaged.
     """
-    try:
-        import h5py  # here, because it is an extra
-    except ImportError:
+    if importlib.util.find_spec("h5py") is None:
         raise ValueError(
             "MATLAB v7.3 files need the package h5py: pip install '.[hdf5]'; or in MATLAB save(name, '-v7')"
-        ) from None
-    try:
-        with h5py.File(path, "r") as file:
-            return _variables(file, h5py.Dataset)
-    except Exception as error:  # damaged files raise exceptions of many types
-        raise ValueError(f"cannot be read as a MATLAB v7.3 file ({error}); is it complete?") from None
+        )
+    return own_process.read("a MATLAB v7.3 file", _read, os.fspath(path))
+
+
+def _read(path: str) -> dict[str, Any]:
+    import h5py  # here, because it is an extra
+
+    with h5py.File(path, "r") as file:
+        return _variables(file, h5py.Dataset)
 
 
 def _variables(group: Any, dataset: Any) -> dict[str, Any]:

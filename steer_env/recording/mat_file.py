@@ -5,31 +5,18 @@ other programs may hold the channels in a structure; the names in nested structu
 """
 
 import json
-import pickle
+import os
 import re
-import subprocess
-import sys
 from collections.abc import Mapping, Sequence
 from os import PathLike
 from typing import IO, Any
 
 import numpy as np
 
-from steer_env.recording import mat73_file
+from steer_env.recording import mat73_file, own_process
 from steer_env.recording.table import Table, Values, column, label
 
 LONGEST_NAME = 63  # longest name of a MATLAB variable [characters]
-_READER = """
-import sys
-sys.path[:] = sys.argv[2:]  # without the working directory, whose modules are the user's
-import pickle
-from scipy import io
-try:
-    found = io.loadmat(sys.argv[1], simplify_cells=True, appendmat=False)
-except Exception as error:  # damaged files raise exceptions of many types
-    sys.exit(str(error))
-pickle.dump(found, sys.stdout.buffer)
-"""
 
 
 def save(
@@ -49,7 +36,10 @@ def save(
 
 def open_table(path: str | PathLike[str]) -> Table:
     """Open a file; every vector of numbers in it is a column, and the time is one of them."""
-    content = mat73_file.content(path) if mat73_file.recognised(path) else _before_73(path)
+    if mat73_file.recognised(path):
+        content = mat73_file.content(path)
+    else:
+        content = own_process.read("a MATLAB file", _before_73, os.fspath(path))
     content = {name: value for name, value in content.items() if not name.startswith("__")}
     while len(content) == 1 and isinstance(next(iter(content.values())), dict):
         content = next(iter(content.values()))
@@ -63,13 +53,11 @@ def open_table(path: str | PathLike[str]) -> Table:
     return Table([column(name) for name in vectors], _meta(content.get("meta")), True, load)
 
 
-def _before_73(path: str | PathLike[str]) -> dict[str, Any]:
-    """The variables of a file before v7.3 by name, read in a process of its own: damaged files may crash the reader."""
-    read = subprocess.run([sys.executable, "-c", _READER, str(path), *sys.path], capture_output=True, check=False)
-    if read.returncode:
-        reason = read.stderr.decode(errors="replace").strip() or "the reader crashed"
-        raise ValueError(f"cannot be read as a MATLAB file ({reason}); is it complete?")
-    found: dict[str, Any] = pickle.loads(read.stdout)
+def _before_73(path: str) -> dict[str, Any]:
+    """The variables of a file before v7.3 by name."""
+    from scipy import io
+
+    found: dict[str, Any] = io.loadmat(path, simplify_cells=True, appendmat=False)
     return found
 
 

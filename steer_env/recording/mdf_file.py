@@ -5,22 +5,33 @@ channel with the most samples, within the time that all channels cover; the othe
 channel has a gap where it lacks samples (a step longer than 1.5 times its median step) or marks them as invalid.
 """
 
-import gc
+import importlib.util
 import json
-import sys
+import os
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from os import PathLike
-from typing import IO, Any
+from typing import IO, Any, NamedTuple
 
 import numpy as np
 
+from steer_env.recording import own_process
 from steer_env.recording.recording import interpolated
 from steer_env.recording.table import Column, Table, Values, column
 from steer_env.recording.units import file_unit
 
 TIME = 1  # sync type of a master channel that is the time; other types are angle, distance and index
+KIND, MISSING = "an MDF file", "MDF files need the package asammdf: pip install '.[mdf]'"
+
+Place = tuple[None, int, int]  # of a channel: any name, group and index
+
+
+class Signal(NamedTuple):
+    """A channel as the file holds it."""
+
+    samples: np.ndarray  # (N,) of numbers; text and arrays are not read
+    timestamps: np.ndarray  # (N,) [s]
+    invalid: np.ndarray | None  # (N,) whether a sample is invalid
 
 
 def save(
@@ -42,9 +53,23 @@ def open_table(path: str | PathLike[str]) -> Table:
 
     The label of a channel whose name occurs in several groups contains the number of its group.
     """
+    if importlib.util.find_spec("asammdf") is None:
+        raise ValueError(MISSING)
+    file = os.fspath(path)
+    columns, places, meta = own_process.read(KIND, _contents, file)
+
+    def load(chosen: Sequence[int]) -> list[Values]:
+        signals = own_process.read(KIND, _signals, file, [places[k] for k in chosen]) if chosen else []
+        return _on_one_time([columns[k].label for k in chosen], signals)
+
+    return Table(columns, meta, False, load)
+
+
+def _contents(path: str) -> tuple[list[Column], list[Place], dict[str, Any]]:
+    """Columns and their places in the file, and the meta."""
     columns: list[Column] = []
-    places: list[tuple[None, int, int]] = []
-    with _opened(path) as mdf:
+    places: list[Place] = []
+    with _asammdf().MDF(path) as mdf:
         found = [(group, k, channel) for group in _timed(mdf) for k, channel in _channels(mdf, group)]
         occurrences = Counter(channel.name for _, _, channel in found)
         for group, k, channel in found:
@@ -52,41 +77,23 @@ def open_table(path: str | PathLike[str]) -> Table:
             name = channel.name if occurrences[channel.name] == 1 else f"{channel.name} (group {group})"
             columns.append(Column(name, name, unit) if unit else column(name))
             places.append((None, group, k))
-        meta = _meta(mdf.header)
+        return columns, places, _meta(mdf.header)
 
-    def load(chosen: Sequence[int]) -> list[Values]:
-        with _opened(path) as mdf:
-            signals = mdf.select([places[k] for k in chosen], copy_master=False) if chosen else []
-        return _on_one_time([columns[k].label for k in chosen], signals)
 
-    return Table(columns, meta, False, load)
+def _signals(path: str, places: list[Place]) -> list[Signal]:
+    with _asammdf().MDF(path) as mdf:
+        return [
+            Signal(found.samples, found.timestamps, found.invalidation_bits)
+            for found in mdf.select(places, copy_master=False)
+        ]
 
 
 def _asammdf() -> Any:
     try:
         import asammdf  # here, because it is an extra and slow to import
     except ImportError:
-        raise ValueError("MDF files need the package asammdf: pip install '.[mdf]'") from None
+        raise ValueError(MISSING) from None
     return asammdf
-
-
-@contextmanager
-def _opened(path: Any) -> Iterator[Any]:
-    """An MDF file for reading; any exception becomes a ValueError, because damaged files raise many types."""
-    asammdf = _asammdf()
-    try:
-        with asammdf.MDF(path) as mdf:
-            yield mdf
-        return
-    except Exception as error:
-        problem = str(error)
-    # When a file that was not completely opened is collected, asammdf fails to close it and prints a traceback.
-    hook, sys.unraisablehook = sys.unraisablehook, lambda _: None
-    try:
-        gc.collect()
-    finally:
-        sys.unraisablehook = hook
-    raise ValueError(f"cannot be read as an MDF file ({problem}); is it complete?")
 
 
 def _timed(mdf: Any) -> list[int]:
@@ -100,7 +107,7 @@ def _channels(mdf: Any, group: int) -> list[tuple[int, Any]]:
     return [(k, c) for k, c in enumerate(mdf.groups[group].channels) if k != mdf.masters_db[group]]
 
 
-def _on_one_time(labels: list[str], signals: list[Any]) -> list[Values]:
+def _on_one_time(labels: list[str], signals: list[Signal]) -> list[Values]:
     """The time, and each signal at that time or the reason for which it cannot be read."""
     values: list[Values] = []
     for label, signal in zip(labels, signals):
@@ -118,8 +125,8 @@ def _on_one_time(labels: list[str], signals: list[Any]) -> list[Values]:
                     f"after {signal.timestamps[k - 1]} s; repair the file"
                 )
             samples = signal.samples.astype(float)
-            if signal.invalidation_bits is not None:
-                samples[np.asarray(signal.invalidation_bits, dtype=bool)] = np.nan
+            if signal.invalid is not None:
+                samples[np.asarray(signal.invalid, dtype=bool)] = np.nan
             values.append(samples)
     usable = [(k, signals[k].timestamps) for k, v in enumerate(values) if isinstance(v, np.ndarray)]
     if not usable:

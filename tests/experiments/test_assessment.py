@@ -230,7 +230,8 @@ def test_a_recording_without_straight_running_keeps_its_zeros():
     ("text", "message"),
     [
         ("[channels]\nyaw_rate = 1", "expected relative, absolute and unit"),
-        ('[channels]\nyaw_rate = {relative=0.1, absolute=0.1, unit="rpm"}', "expected a unit out of"),
+        ('[channels]\nyaw_rate = {relative=0.1, absolute=0.1, unit="rpm"}', "unit must be one of"),
+        ('[channels]\nyaw_rate = {relative=0.1, absolute=0.1, unit=["deg"]}', "unit must be one of"),
         (
             '[channels]\nyaw_rate = {relative=-0.1, absolute=0.1, unit="deg/s"}',
             "relative must be finite and at least 0",

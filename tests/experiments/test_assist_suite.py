@@ -10,7 +10,8 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from steer_env import assists
+from steer_env import assists, registration
+from steer_env.assists.common import definition
 from steer_env.assists.common.definition import BASELINES, Baseline
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.learning import assist_drives, assist_suite, controllers, held_out, policy, training
@@ -227,16 +228,32 @@ def test_the_search_drives_the_conditions_of_the_training(monkeypatch):
     assert {(found.load, found.delay) for found in drawn[3]} == {(100.0, 0.0)}
 
 
-def test_tuned_options_reach_the_evaluations(tmp_path):
-    path = tmp_path / "assists.json"
+def test_a_baseline_is_the_best_known_by_default(tmp_path, monkeypatch):
+    path = tmp_path / "tuned.json"
     found = assist_tuning.Tuned({"gain": 1.5}, 2.0, 1.0, 3, 0)
-    controllers.keep(WEAVE, {"damping": assist_tuning.as_json(found, 4)}, path)
-    controllers.keep("steer_env/AssistRelease-v2", {"boost": assist_tuning.as_json(found, 4)}, path)
-    assert controllers.options(WEAVE, path) == {"damping": {"gain": 1.5}}
-    assert controllers.options("steer_env/AssistParking-v1", path) == {}
-    env = gym.make(WEAVE)
-    assert controllers.makers(WEAVE, path)["damping"](env).gain == 1.5
-    assert controllers.makers(WEAVE, path)["lqg"](env).effort == assists.make("lqg", env).effort
+    for name in ("damping", "active_return"):
+        assist_tuning.keep(WEAVE, {name: assist_tuning.as_json(found, 4)}, path)
+    assert list(json.loads(path.read_text())[WEAVE]) == ["damping", "active_return"]
+    monkeypatch.setattr(definition, "TUNED", path)
+    definition._options_by_task.cache_clear()
+    try:
+        weave, parking = gym.make(WEAVE), gym.make("steer_env/AssistParking-v1")
+        assert assists.make("damping", weave).gain == 1.5
+        assert assists.make("damping", weave, gain=2.0).gain == 2.0
+        assert controllers.named("damping", WEAVE)(weave).gain == 1.5
+        usual = assists.make("damping", weave, tuned=False).gain
+        assert usual == assists.make("damping", parking).gain != 1.5
+    finally:
+        definition._options_by_task.cache_clear()
+
+
+def test_what_is_known_to_be_best_is_of_ids_and_options_that_there_are():
+    found = json.loads(definition.TUNED.read_text(encoding="utf-8"))
+    assert found.keys() <= registration.DRIVEN.keys()
+    for env_id, best in found.items():
+        env = gym.make(env_id)
+        for name in best:
+            assists.make(name, env)
 
 
 def test_every_range_takes_the_default():

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 import subprocess
 import sys
 import zipfile
@@ -12,14 +13,14 @@ import pytest
 import stable_baselines3
 
 from steer_env.experiments.cli.main import main
-from steer_env.experiments.learning import held_out, policy, policy_report, shift
+from steer_env.experiments.learning import held_out, policy, policy_report, shift, training
 from steer_env.experiments.learning.constants import SHIFTS
 from steer_env.experiments.learning.training import Training, settings
 from steer_env.experiments.pages.options import Friction
 from steer_env.vehicle import cars
 from tests.experiments.first_screen import sentence
 
-WEAVE = "steer_env/AssistWeave-v1"
+WEAVE, ON_CENTRE = "steer_env/AssistWeave-v1", "steer_env/DriverOnCentre-v1"
 LUGRE = Friction("lugre")
 
 
@@ -132,6 +133,39 @@ def test_resume_goes_on(trained, tmp_path):
         Training(WEAVE, "sac", out, friction=LUGRE, resume=True)
     with pytest.raises(ValueError, match="holds no checkpoint"):
         Training(WEAVE, "ppo", tmp_path / "other", friction=LUGRE, resume=True)
+
+
+@pytest.mark.parametrize("env_id", [WEAVE, ON_CENTRE])
+def test_a_killed_training_ends_as_if_it_had_not_been_killed(tmp_path, monkeypatch, env_id):
+    """With a guard and without; killed where a checkpoint lies some steps back, within a rollout of 64 steps."""
+    monkeypatch.setattr(training, "CHECKPOINT_EVERY", 0.0)
+    monkeypatch.setattr(training, "VALIDATE_STEPS", 128)
+    monkeypatch.setattr(training, "VALIDATED", 2)
+    whole, killed = tmp_path / "whole", tmp_path / "killed"
+
+    def watched(part, text):
+        if text in ("100 steps", "180 steps"):
+            shutil.copytree(whole, tmp_path / text, dirs_exist_ok=True)
+
+    run = Training(env_id, None, whole, friction=LUGRE)
+    run.settings["algorithm"] |= SMALL
+    run.run(steps=320, notify=watched)
+    for text in ("100 steps", "180 steps"):
+        (tmp_path / text).rename(killed)
+        Training(env_id, None, killed, resume=True).run(steps=320)
+        weights = []
+        for out in (whole, killed):
+            with zipfile.ZipFile(out / "checkpoint" / "model-320.zip") as archive:
+                weights.append(archive.read("policy.pth"))
+        assert weights[0] == weights[1]
+        assert _without_seconds(killed) == _without_seconds(whole)
+        assert policy.about(killed / "policy.zip")["steps"] == policy.about(whole / "policy.zip")["steps"]
+        shutil.rmtree(killed)
+
+
+def _without_seconds(out):
+    with (out / "learning.csv").open(encoding="utf-8", newline="") as file:
+        return [{key: value for key, value in row.items() if key != "seconds"} for row in csv.DictReader(file)]
 
 
 def test_what_breaks_training_leaves_a_checkpoint(tmp_path, monkeypatch):
@@ -374,6 +408,8 @@ def test_episodes_are_those_of_single_environments():
             total += reward
         assert found.reward[i] == pytest.approx(total, rel=1e-12)
         assert found.metrics["rms_feel_error"][i] == info["metrics"]["rms_feel_error"]
+    with pytest.raises(ValueError, match=r"info_level must be 'full' for held-out episodes, .*, got 'metrics'"):
+        held_out.collect(WEAVE, lambda env: policy_report.baselines(WEAVE)["boost"](env), 1, info_level="metrics")
 
 
 def test_estimates():

@@ -248,8 +248,8 @@ import gymnasium, numpy as np, steer_env
 env = gymnasium.make("steer_env/AssistWeave-v1", friction="lugre")
 env.reset(seed=0)
 print([float(x) for _ in range(30) for x in env.step(np.array([0.1], np.float32))[0]])
-from steer_env.vehicle import plant
-print(sum(plant.run_rows.stats.cache_misses.values()))
+from steer_env.engine.kernels import advance
+print(sum(advance.stats.cache_misses.values()))
 """
 
 

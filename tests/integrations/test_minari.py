@@ -87,6 +87,14 @@ def test_bad_commands(options, message, tmp_path, monkeypatch, capsys):
     assert not list(tmp_path.iterdir())
 
 
+def test_a_set_takes_full_infos(tmp_path):
+    from steer_env.experiments.learning import dataset
+
+    with pytest.raises(ValueError, match=r"info_level must be 'full' for a data set, .*, got 'none'"):
+        dataset.record(tmp_path / "set", WEAVE, "zero", lambda env: None, 1, 0, info_level="none")
+    assert not list(tmp_path.iterdir())
+
+
 def test_the_example_of_offline_learning(tmp_path):
     from pathlib import Path
 

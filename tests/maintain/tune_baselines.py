@@ -3,9 +3,11 @@
 import argparse
 import math
 from collections.abc import Mapping
+from pathlib import Path
 
 from rich.table import Table
 
+from steer_env.assists.common.definition import TUNED
 from steer_env.experiments.cli.common import names, options
 from steer_env.experiments.cli.common.options import SHIPPED
 from steer_env.experiments.cli.common.sweeping import add_sweep, runner
@@ -25,7 +27,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     options.add(parser, "--budget", "for each baseline, its defaults among them", 30)
     options.add(parser, "--episodes", "for each candidate", 16)
     options.add(parser, "--seed", "of the search's draws", 0)
-    text = f"that keeps what is found; with {SHIPPED!r} the one that the evaluations read"
+    text = f"that keeps what is found; with {SHIPPED!r} the one that assists.make reads"
     options.add_out(parser, text, form="FILE.json", otherwise="none is written")
     car_options.add(parser, default=None, usual="those of the environment and of the suite")
     add_sweep(parser)
@@ -33,7 +35,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Search, print and keep what was found."""
-    from steer_env.experiments.learning import assist_suite, controllers, policy_report, training
+    from steer_env.experiments.learning import assist_suite, policy_report, training
     from steer_env.experiments.pages.options import progress
 
     for env_id in args.env:
@@ -54,9 +56,9 @@ def run(args: argparse.Namespace) -> None:
     for env_id in args.env:
         found = {search.name: result for search, result in zip(searches, results) if search.env_id == env_id}
         if args.out:
-            path = controllers.FILE if str(args.out) == SHIPPED else args.out
+            path = TUNED if str(args.out) == SHIPPED else Path(args.out)
             entries = {name: assist_tuning.as_json(result, args.episodes) for name, result in found.items()}
-            controllers.keep(env_id, entries, path)
+            assist_tuning.keep(env_id, entries, path)
         drawn = policy_report.conditions(training.conditions(env_id))
         words = ", ".join(f"{name} {value}" for name, value in drawn.items()) or "nothing"
         _print_tuned(found, f"{env_id}: {args.episodes} episodes for each candidate, drawn as in the training: {words}")

@@ -1,6 +1,7 @@
 """Baseline assists: contracts that all of them keep, the friction observer, and the margins of the designed loops."""
 
 import math
+from functools import partial
 from itertools import product
 
 import gymnasium as gym
@@ -22,6 +23,8 @@ CAR = cars.load()
 NAMES = assists.available()
 SCENARIOS = ("Weave", "Release", "LaneChange", "LaneKeeping", "Parking")
 _made: dict = {}
+
+standard = partial(assists.make, tuned=False)  # which a search for better options does not change
 
 
 def environment(scenario, law="lugre", num_envs=None):
@@ -54,17 +57,17 @@ def acted(baseline, seen):
 @pytest.mark.parametrize("name", NAMES)
 def test_a_row_of_a_batch_acts_as_a_single_environment(name):
     seen = [watched("Weave", 300, seed) for seed in (1, 2, 3)]
-    together = acted(assists.make(name, environment("Weave", num_envs=3)), np.stack(seen, axis=1))
+    together = acted(standard(name, environment("Weave", num_envs=3)), np.stack(seen, axis=1))
     assert together.shape == (300, 3, 1)
     assert together.dtype == np.float32
     for i, alone in enumerate(seen):
-        assert np.array_equal(acted(assists.make(name, environment("Weave")), alone), together[:, i])
+        assert np.array_equal(acted(standard(name, environment("Weave")), alone), together[:, i])
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_each_row_starts_anew_by_itself(name):
     seen = np.stack([watched("Weave", 200, seed) for seed in (1, 2)], axis=1)
-    baseline = assists.make(name, environment("Weave", num_envs=2))
+    baseline = standard(name, environment("Weave", num_envs=2))
     before = acted(baseline, seen)
     baseline.reset(np.array([False, True]))
     after = np.array([baseline.act(np.stack([seen[-1, 0], one])) for one in seen[:, 1]])
@@ -77,15 +80,15 @@ def test_mirrored_observations_mirror_the_action(name, scenario):
     env = environment(scenario)
     seen = watched(scenario, 200)
     even = [quantity.name in ("speed", "released") for quantity in env.batch.observed]
-    actions = acted(assists.make(name, env), seen)
-    assert np.array_equal(acted(assists.make(name, env), np.where(even, seen, -seen)), -actions)
+    actions = acted(standard(name, env), seen)
+    assert np.array_equal(acted(standard(name, env), np.where(even, seen, -seen)), -actions)
     assert name == "boost" or scenario != "Weave" or np.abs(actions).max() > 0.0
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_actions_stay_within_their_span(name):
     env = environment("Release")
-    baseline = assists.make(name, env)
+    baseline = standard(name, env)
     rng = np.random.default_rng(0)
     for bound in (env.observation_space.high, -env.observation_space.high):
         for one in [bound] * 5 + [(bound * rng.uniform(-1.0, 1.0, bound.shape)).astype(np.float32) for _ in range(200)]:
@@ -97,7 +100,7 @@ def test_actions_stay_within_their_span(name):
 @pytest.mark.parametrize(("name", "scenario", "law"), pairs(product(NAMES, SCENARIOS, ("lugre", "masing"))))
 def test_every_baseline_drives_every_task(name, scenario, law):
     env = environment(scenario, law)
-    baseline = assists.make(name, env)
+    baseline = standard(name, env)
     observation, _ = env.reset(seed=2)
     over = False
     while not over:
@@ -118,7 +121,7 @@ def test_the_observer_is_the_laws_response(law):
     env = environment("Weave")
     seen = watched("Weave", 400)
     speeds = seen[:, [quantity.name for quantity in env.batch.observed].index("column_speed")].astype(float)
-    baseline = assists.make("friction_compensation", env, law=law)
+    baseline = standard("friction_compensation", env, law=law)
     observed = []
     for one in seen:
         baseline.act(one)
@@ -131,7 +134,7 @@ def test_the_observer_is_the_laws_response(law):
 def let_go(plant, name, **options):
     """Column speed (T,) of a release from 0.3 rad under a baseline."""
     env = environment("Release", plant)
-    baseline = assists.make(name, env, **options)
+    baseline = standard(name, env, **options)
     observation, _ = env.reset(seed=0, options={"amplitude": 0.3, "speed": 100.0 / 3.6})
     speed, over = [], False
     while not over:
@@ -155,7 +158,7 @@ def test_compensation_and_lqg_bring_the_feel_nearer_to_the_reference():
     env = environment("Weave", num_envs=8)
 
     def error(name):
-        baseline = assists.make(name, env)
+        baseline = standard(name, env)
         observation, _ = env.reset(seed=0)
         over = np.zeros(8, bool)
         while not over.any():
@@ -175,14 +178,14 @@ def test_scaled_observations_give_the_same_actions(name):
     scaled = gym.make("steer_env/AssistWeave-v1").unwrapped
     seen = watched("Weave", 300)
     assert scaled.observation_scale.max() > 1.0
-    own = acted(assists.make(name, scaled), (seen / scaled.observation_scale).astype(np.float32))
-    np.testing.assert_allclose(own, acted(assists.make(name, environment("Weave")), seen), rtol=0.0, atol=1e-5)
+    own = acted(standard(name, scaled), (seen / scaled.observation_scale).astype(np.float32))
+    np.testing.assert_allclose(own, acted(standard(name, environment("Weave")), seen), rtol=0.0, atol=1e-5)
 
 
 def driven(scenario, name, options, keys):
     """Handwheel angle and torque (T, 2) of an episode of a car with keys of its assist, under a baseline."""
     env = gym.make(id_of(f"Assist{scenario}"), vehicle={"base": "compact", "assist": keys}).unwrapped
-    baseline = assists.make(name, env, **options)
+    baseline = standard(name, env, **options)
     observation, _ = env.reset(seed=3, options={"scenario": 1} if scenario == "AllRound" else None)
     seen, over = [], False
     while not over:
@@ -254,8 +257,8 @@ def test_caution_bounds_the_feel_in_quick_steering(name):
     bold, usual, cautious, alone = map(
         error,
         (
-            *(assists.make(name, env, **more) for more in ({"caution": 0.3}, {}, {"caution": 100.0})),
-            assists.make("boost", env),
+            *(standard(name, env, **more) for more in ({"caution": 0.3}, {}, {"caution": 100.0})),
+            standard("boost", env),
         ),
     )
     assert bold < usual < cautious < 1.01 * alone
@@ -276,7 +279,7 @@ def test_margins_of_the_lead_lag(speed, control_dt):
     import control
 
     env = gym.make("steer_env/AssistWeave-v1", control_dt=control_dt).unwrapped
-    baseline = assists.make("lead_lag", env, gain=1.0)
+    baseline = standard("lead_lag", env, gain=1.0)
     car, H = env.batch.car, lead_lag.compensator(baseline.design(speed), baseline._law, control_dt)
     smallest_phase, smallest_gain = math.inf, math.inf
     for slope in slopes(car, speed):
@@ -312,7 +315,7 @@ def test_margins_as_the_library_has_them():
 def test_margins_of_the_lqg(speed):
     """At the request, at every slope of the boost curve, as long as its authority is not used up."""
     env = environment("Weave")
-    car, d = env.batch.car, assists.make("lqg", env).design(speed)
+    car, d = env.batch.car, standard("lqg", env).design(speed)
     A, B = d.A + np.outer(d.E, d.C), d.B[:, :2] + np.outer(d.E, d.D[:2])
     z = np.exp(1j * np.geomspace(1.0, 0.999 * math.pi / 0.01, 2000) * 0.01)
     for slope in slopes(car, speed):
@@ -330,22 +333,22 @@ def test_margins_of_the_lqg(speed):
 def test_bad_input():
     env = environment("Weave")
     with pytest.raises(ValueError, match=r"unknown baseline assist 'pid'; available: active_return, boost"):
-        assists.make("pid", env)
+        standard("pid", env)
     with pytest.raises(ValueError, match=r"has no option 'gian'; it takes: gain"):
-        assists.make("damping", env, gian=1.0)
+        standard("damping", env, gian=1.0)
     with pytest.raises(ValueError, match=r"has no option 'gain'; it takes: none"):
-        assists.make("boost", env, gain=1.0)
+        standard("boost", env, gain=1.0)
     for share in (-0.1, 1.1, math.nan):
         with pytest.raises(ValueError, match=r"share must be finite and at least 0 and at most 1"):
-            assists.make("friction_compensation", env, share=share)
+            standard("friction_compensation", env, share=share)
     with pytest.raises(ValueError, match=r"unknown friction law 'coulombe'"):
-        assists.make("friction_compensation", env, law="coulombe")
+        standard("friction_compensation", env, law="coulombe")
     with pytest.raises(ValueError, match=r"gain .* at least 0"):
-        assists.make("damping", env, gain=-1.0)
+        standard("damping", env, gain=-1.0)
     with pytest.raises(ValueError, match=r"lead \[Hz\] must be a pair"):
-        assists.make("lead_lag", env, lead=3.0)
+        standard("lead_lag", env, lead=3.0)
     with pytest.raises(ValueError, match=r"must be an array \(9,\)"):
-        assists.make("boost", env).act(np.zeros(3, np.float32))
+        standard("boost", env).act(np.zeros(3, np.float32))
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -353,7 +356,7 @@ def test_another_environment_is_refused(name):
     for other in ("steer_env/DriverLaneKeeping-v1", "CartPole-v1"):
         env = gym.make(other)
         with pytest.raises(ValueError, match=r"whose action is an assist torque, got"):
-            assists.make(name, env)
+            standard(name, env)
 
 
 def test_a_missing_observation_is_named(monkeypatch):
@@ -361,4 +364,4 @@ def test_a_missing_observation_is_named(monkeypatch):
     kept = tuple(quantity for quantity in env.batch.observed if quantity.name != "column_speed")
     monkeypatch.setattr(env.batch, "observed", kept)
     with pytest.raises(ValueError, match=r"AssistWeave does not observe column_speed; it has: handwheel_angle"):
-        assists.make("damping", env)
+        standard("damping", env)

@@ -15,9 +15,10 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from steer_env import friction, tasks
+from steer_env import drivers, friction, tasks
 from steer_env.episode import randomise
 from steer_env.episode.timing import UPDATE_INTERVAL
+from steer_env.friction.numerics import packing
 from steer_env.friction.numerics.kernel import COMPILED
 from steer_env.registration import DRIVEN, id_of
 from steer_env.tasks import driver_parking as parking
@@ -492,6 +493,19 @@ def test_friction_does_not_act_straight_ahead(law, chassis):
     given = batch._start_of(drawn, batch.task.robot, True)
     for one, other in zip((numbers, state, channels), given):
         assert one.tobytes() == other.tobytes()
+
+
+@pytest.mark.parametrize("env_id", ["AssistLaneKeeping", "AssistWeave", "DriverLaneKeeping"])
+@pytest.mark.parametrize("chassis", ["single_track", "two_track"])
+def test_a_drawn_plant_is_that_of_its_car(env_id, chassis):
+    env = gym.make(f"steer_env/{env_id}-v1", friction="masing", chassis=chassis)
+    batch = env.unwrapped.batch
+    env.reset(seed=0, options={"load": 200.0, "road_friction": 0.5, "speed": 20.0, "friction_level": 1.7})
+    drawn, robot = batch.conditions[0], batch.task.robot
+    p = batch.car.loaded(200.0).plant("masing", 20.0, robot, road_friction=0.5, chassis=chassis)
+    if batch.driver is not None:
+        p = drivers.with_arms(p, batch.driver.arm)
+    assert np.array_equal(batch.arrays.plants[0], packing.numbers(randomise.with_level(p, drawn)))
 
 
 @pytest.mark.parametrize(

@@ -1,15 +1,16 @@
 """Infos: the same keys and types at reset, at every step and at the end, single and vector."""
 
 import math
+import warnings
 
 import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import data_equivalence
+from gymnasium.utils.env_checker import check_env, data_equivalence
 from gymnasium.vector import AutoresetMode
 
 from steer_env import tasks
-from steer_env.engine.infos import row
+from steer_env.engine.infos import LEVELS, row
 from steer_env.episode import randomise
 from steer_env.registration import DRIVEN
 from tests.steer_env.test_state import equal
@@ -50,6 +51,70 @@ def test_keys_and_types_are_the_same_at_reset_step_and_end(name):
         assert all(map(math.isfinite, info["metrics"].values()))
         over = terminated or truncated
     assert structure(env.reset()[1]) == expected
+
+
+def at_level(info, level):
+    """What a level leaves of a full info."""
+    kept = {"full": info.keys(), "metrics": {"metrics", "_metrics"}, "none": set()}[level]
+    return {key: value for key, value in info.items() if key in kept}
+
+
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("name", [LANE, WEAVE])
+def test_a_level_leaves_out_infos_and_changes_nothing_else(name, level):
+    """At reset, at every step, at the end and at the reset after it."""
+    arguments = {"randomise": RANDOM, "control_dt": 0.1}
+    full, env = gym.make(name, **arguments), gym.make(name, **arguments, info_level=level)
+    assert env.unwrapped.info_level == level
+    for seed in (0, None):
+        one, two = full.reset(seed=seed), env.reset(seed=seed)
+        over = False
+        while not over:
+            assert equal(one[:-1], two[:-1])
+            assert equal(two[-1], at_level(one[-1], level))
+            one, two = full.step(np.ones(1, np.float32)), env.step(np.ones(1, np.float32))
+            over = one[2] or one[3]
+        assert equal(two[-1], at_level(one[-1], level))
+    assert env.unwrapped.failure_text() == full.unwrapped.failure_text()
+
+
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("mode", list(AutoresetMode))
+def test_a_level_leaves_out_vector_infos(mode, level):
+    arguments = {"num_envs": 3, "randomise": RANDOM, "control_dt": 0.1, "autoreset_mode": mode}
+    full, vector = gym.make_vec(LANE, **arguments), gym.make_vec(LANE, **arguments, info_level=level)
+    actions, ends = np.array([[1.0], [0.7], [0.0]], np.float32), 0
+    assert equal(vector.reset(seed=2)[1], at_level(full.reset(seed=2)[1], level))
+    for _ in range(60):
+        one, two = full.step(actions), vector.step(actions)
+        assert equal(one[:4], two[:4])
+        left, over = at_level(one[4], level), one[2] | one[3]
+        if over.any() and mode == AutoresetMode.SAME_STEP:
+            told = {key: one[4][key] for key in ("final_obs", "_final_obs", "final_info", "_final_info")}
+            left |= told | {"final_info": at_level(told["final_info"], level)}
+        assert two[4].keys() == left.keys()
+        assert equal(two[4], left)
+        ends += int(over.sum())
+        if over.any() and mode == AutoresetMode.DISABLED:
+            chosen = {"reset_mask": over}
+            assert equal(vector.reset(options=chosen)[1], at_level(full.reset(options=chosen)[1], level))
+    assert ends > 3
+
+
+@pytest.mark.parametrize("level", LEVELS)
+def test_gymnasium_accepts_every_level(level):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(gym.make(WEAVE, info_level=level).unwrapped)
+    again = gym.make(gym.make(WEAVE, info_level=level).spec)
+    assert again.unwrapped.info_level == level
+
+
+def test_an_unknown_level_is_refused_with_the_known():
+    for make in (gym.make, gym.make_vec):
+        for level in ("all", None, True):
+            with pytest.raises(ValueError, match=rf"info_level must be one of full, metrics, none, got {level!r}"):
+                make(WEAVE, info_level=level)
 
 
 def test_infos_are_the_callers_own():

@@ -101,15 +101,21 @@ def test_a_module_beside_a_matlab_file_is_not_run(tmp_path, monkeypatch):
     assert read("run.mat").meta["a"] == 1
 
 
-def test_a_matlab_file_that_crashes_its_reader_is_refused(tmp_path):
-    written = Recording(np.arange(2.0), {}, {})
-    write(written, path := tmp_path / "run.mat")
+@pytest.mark.parametrize(
+    ("name", "damage"),
+    [
+        ("run.mat", lambda data: (184, 0)),  # a type of numbers that there is not, for which scipy does not look
+        ("run.mf4", lambda data: (data.rfind(b"##CN") + 94, 16)),  # a channel 1 MB behind its record
+    ],
+)
+def test_a_file_that_crashes_its_reader_is_refused(weave, tmp_path, name, damage):
+    write(weave, path := tmp_path / name)
     data = bytearray(path.read_bytes())
-    data[184] = 0  # a type of numbers that there is not, for which scipy does not look
+    place, value = damage(data)
+    data[place] = value
     path.write_bytes(data)
-    with pytest.raises(
-        ValueError, match=r"run\.mat: cannot be read as a MATLAB file \(the reader crashed\); is it complete"
-    ):
+    kind = "a MATLAB file" if name.endswith("mat") else "an MDF file"
+    with pytest.raises(ValueError, match=rf"{name}: cannot be read as {kind} \(the reader crashed\); is it complete"):
         read(path)
 
 

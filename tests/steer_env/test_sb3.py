@@ -107,6 +107,9 @@ def test_what_is_refused():
         SteerVecEnv("CartPole-v1", 2)
     with pytest.raises(ValueError, match="vector_reward must be False for Stable-Baselines3"):
         SteerVecEnv(TUNE, 2, vector_reward=True)
+    for level in ("metrics", "none"):
+        with pytest.raises(ValueError, match=f"info_level must be 'full' for Stable-Baselines3, .*, got '{level}'"):
+            SteerVecEnv(WEAVE, 2, info_level=level)
 
 
 def test_tuning_ids_are_those_of_single_environments():

@@ -14,10 +14,10 @@ from gymnasium.vector import AutoresetMode
 
 from steer_env import friction
 from steer_env.drivers import DriverBatch, make
-from steer_env.engine.kernels import evaluate
+from steer_env.engine.kernels import advance, evaluate
 from steer_env.friction.numerics.kernel import COMPILED
 from steer_env.registration import DRIVEN, TUNED
-from steer_env.vehicle import plant, road
+from steer_env.vehicle import road
 
 LANE, WEAVE = "steer_env/DriverLaneKeeping-v1", "steer_env/AssistWeave-v1"
 EVERYTHING = {"load": (0, 300), "friction_level": (0.5, 1.5), "sensor_noise": (0.5, 1), "delay": (0, 0.05)}
@@ -210,11 +210,11 @@ def test_a_copy_compiles_nothing(way):
     arguments = {"friction": "masing", "chassis": "two_track", "road": road.iso8608(1, "B")}
     env = gym.make("steer_env/AssistLaneChange-v1", **arguments)
     env.reset(seed=0)
-    compiled = [len(kernel.overloads) for kernel in (plant.run_rows, evaluate)]
+    compiled = [len(kernel.overloads) for kernel in (advance, evaluate)]
     other = way(env, None)
     assert equal(go_on(env, 20), go_on(other, 20))
     assert equal(env.reset(seed=1), other.reset(seed=1))
-    assert [len(kernel.overloads) for kernel in (plant.run_rows, evaluate)] == compiled
+    assert [len(kernel.overloads) for kernel in (advance, evaluate)] == compiled
     assert other.unwrapped.task is env.unwrapped.batch.task is other.unwrapped.batch.task
 
 

@@ -11,6 +11,7 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 from steer_env.drivers import Controller
+from steer_env.engine.batch import ROWS_AT_ONCE
 from steer_env.engine.infos import row
 from steer_env.registration import DRIVEN
 from tests.steer_env.test_state import equal
@@ -253,6 +254,20 @@ def test_a_controller_drives_every_sub_environment():
             assert not info["metrics"]["cones_hit"][done].any()
             driver.reset(done)
     assert ends == ROWS
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_rows_of_every_block_are_those_of_single_environments(threads):
+    """More sub-environments than go through a step together, and not a multiple of them."""
+    n = 2 * ROWS_AT_ONCE + 3
+    vector, rng = make(COURSE, n=n, threads=threads), np.random.default_rng(0)
+    seen = [vector.reset(seed=0)[0]]
+    actions = rng.uniform(-0.3, 0.3, (10, n, 1)).astype(np.float32)
+    seen += [vector.step(action)[0] for action in actions]
+    for i in (0, n // 2, ROWS_AT_ONCE - 1, ROWS_AT_ONCE, n - 1):
+        env = gym.make(COURSE)
+        expected = [env.reset(seed=i)[0], *(env.step(action[i])[0] for action in actions)]
+        assert np.array_equal([each[i] for each in seen], expected)
 
 
 def test_a_thousand_sub_environments():

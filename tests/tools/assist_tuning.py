@@ -4,20 +4,23 @@ A candidate counts only if it passes the suite for assists (:mod:`steer_env.expe
 search starts with the defaults, then tries a Latin hypercube over the declared ranges (``Baseline.tuned``), then draws
 around the best, ever closer. Its budget is the number of candidates times the episodes that each drives, on seeds apart
 from those of training and evaluation, under the conditions that the training of the id's policies draws. What it finds
-is kept by :mod:`steer_env.experiments.learning.controllers`, from which evaluations take the baselines.
+is kept for ``steer_env.assists.make``, whose defaults it becomes.
 """
 
+import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.stats import qmc
 
 from steer_env import assists
-from steer_env.assists.common.definition import BASELINES
+from steer_env.assists.common.definition import BASELINES, TUNED
 from steer_env.experiments.learning import assist_suite, held_out, training
+from steer_env.experiments.pages.files import write_json
 from steer_env.vehicle.cars import Car
 
 SEED = 5_000_000  # first of the episodes of a search
@@ -88,7 +91,7 @@ def tune(
             share = np.clip(centre + spread * rng.standard_normal(len(ranges)), 0.0, 1.0)
         options = {key: _option(*ends, s) for (key, ends), s in zip(ranges.items(), share.tolist())} if k else {}
         notify(k / tried, f"{name}: {options}")
-        make = partial(assists.make, name, **options)
+        make = partial(assists.make, name, tuned=False, **options)
         found = float(held_out.collect(env_id, make, episodes, SEED, **arguments).reward.mean())
         if k == 0:
             usual = found
@@ -99,6 +102,13 @@ def tune(
             continue
         best, reward, centre = options, found, share
     return Tuned(best, reward if math.isfinite(reward) else math.nan, usual, tried, refused)
+
+
+def keep(env_id: str, found: Mapping[str, dict[str, Any]], path: Path = TUNED) -> None:
+    """Put what searches for an id have found, by baseline, into a file; what it has of other searches stays."""
+    every = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    every[env_id] = {**every.get(env_id, {}), **found}
+    write_json(path, dict(sorted(every.items())))
 
 
 class Search(NamedTuple):

@@ -23,15 +23,21 @@ def same(one, other):
 def test_a_plant_comes_back_from_its_numbers(law, chassis):
     template = CAR.plant(law, chassis=chassis)
     loaded = CAR.loaded(200.0).plant(law, speed=20.0, chassis=chassis)
-    rows = np.array([packing.pack(template).numbers, packing.pack(loaded).numbers])
+    rows = np.array([packing.numbers(template), packing.numbers(loaded)])
     assert same(packing.of_row(template, rows, 0), template)
+    assert same(packing.of_row(packing.outline(template), rows, 0), template)
     other = packing.of_row(template, rows, 1)
     assert same(other._replace(tyre=template.tyre), loaded)
 
 
 def test_slices_are_those_of_the_numbers():
     p = CAR.plant("masing", chassis="two_track", road=road.iso8608(1, "C"))
-    numbers, places = packing.pack(p).numbers, packing.slices(p)
+    numbers, tables = packing.pack(p)
+    places = packing.slices(p)
+    assert np.array_equal(numbers, packing.numbers(p))
+    assert [numbers.size, tables.size] == [
+        sum(e.size for e in packing.leaves(p) if e.table == t) for t in (False, True)
+    ]
     assert numbers[places["column.K_tb"]] == p.column.K_tb
     assert numbers[places["robot"]] == p.robot
     assert np.array_equal(numbers[places["friction.k"]], p.friction.k)
@@ -51,12 +57,12 @@ def test_rows_run_as_their_plants_alone(law, chassis):
     ]
     settled = [plant.settled(p) for p in plants]
     states, channels = (np.array([pair[k] for pair in settled]) for k in (0, 1))
-    rows, finite = np.array([packing.pack(p).numbers for p in plants]), np.zeros(3, bool)
+    rows, finite = np.array([packing.numbers(p) for p in plants]), np.zeros(3, bool)
     inputs = np.zeros((3, 40, len(plant.INPUTS)))
     inputs[:, :, plant.HAND] = rng.uniform(-3.0, 3.0, (3, 40))
-    third = states[2].copy()
+    third, outline = states[2].copy(), packing.outline(plants[0])
     for _ in range(10):
-        plant.run_rows(plants[0], rows, states, inputs, channels, finite, 0, 2)
+        plant.run_rows(outline, rows, states, inputs, channels, finite, 0, 2)
     assert finite.tolist() == [True, True, False]
     assert np.array_equal(states[2], third)
     for i in range(2):

@@ -110,9 +110,6 @@ class Car(NamedTuple):
             Unknown law or chassis, a value outside its range, or a law whose torque falls too steeply with the speed
             (:mod:`steer_env.vehicle.step_limit`).
         """
-        low, high = SPEEDS[chassis_models.checked(chassis)]
-        v_x = number("speed [m/s]", speed, minimum=low, maximum=high)
-        mu = number("road_friction", road_friction, minimum=ROAD_FRICTION[0], maximum=ROAD_FRICTION[1])
         # An asymmetric tyre would pull the car to one side. The longitudinal shift would brake by 4 % of the load at
         # zero slip (the rolling resistance of the set is 1 %), and drive above 8 kN.
         coefficients = self.tyre.symmetric().coefficients._replace(PHX1=0.0, PHX2=0.0)
@@ -121,7 +118,7 @@ class Car(NamedTuple):
             column=self.column,
             assist=self.assist,
             friction=resolve(friction),
-            chassis=chassis_models.CHASSIS[chassis].from_car(self, v_x, mu, road),
+            chassis=self.running(speed, road_friction, chassis, road),
             strut=self.kinematics_table,
             tyre=record(coefficients),
             pinion_radius=s["pinion_radius"],
@@ -133,6 +130,13 @@ class Car(NamedTuple):
             robot=1.0 if robot else 0.0,
         )
         return frozen(step_limit.checked(p))
+
+    def running(self, speed: float, road_friction: float, chassis: str, road: road.Road | None) -> Any:
+        """The parameters of a chassis of this car; arguments and errors as of :meth:`plant`."""
+        low, high = SPEEDS[chassis_models.checked(chassis)]
+        v_x = number("speed [m/s]", speed, minimum=low, maximum=high)
+        mu = number("road_friction", road_friction, minimum=ROAD_FRICTION[0], maximum=ROAD_FRICTION[1])
+        return chassis_models.CHASSIS[chassis].from_car(self, v_x, mu, road)
 
     def loaded(self, mass: float) -> "Car":
         """The car with a mass added at its centre of gravity [kg], distributed as that of the body."""

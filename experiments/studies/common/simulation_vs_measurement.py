@@ -15,7 +15,7 @@ from scipy import signal
 
 from steer_env import metrics
 from steer_env.friction.numerics import toml
-from steer_env.friction.numerics.check import not_negative
+from steer_env.friction.numerics.check import not_negative, one_of
 from steer_env.metrics import UNITS, ManoeuvreEvaluation, RefusedError
 from steer_env.metrics.common import straight
 from steer_env.metrics.common.filtered_channels import ANGLE
@@ -70,12 +70,11 @@ def tolerances(name: str = "default") -> dict[str, Tolerance]:
 def _tolerance(where: str, entry: Any) -> Tolerance:
     if not isinstance(entry, dict) or entry.keys() != {"relative", "absolute", "unit"}:
         raise ValueError(f"{where}: expected relative, absolute and unit, got {entry!r}")
-    if entry["unit"] not in UNITS:
-        raise ValueError(f"{where}: expected a unit out of {', '.join(UNITS)}, got {entry['unit']!r}")
+    unit = one_of(f"{where}, unit", entry["unit"], UNITS)
     relative, absolute = (not_negative(f"{where}, {key}", entry[key]) for key in ("relative", "absolute"))
     if not relative + absolute > 0.0:
         raise ValueError(f"{where}: relative and absolute are both 0: give at least one above 0")
-    return Tolerance(relative, absolute / UNITS[entry["unit"]])
+    return Tolerance(relative, absolute / UNITS[unit])
 
 
 def compare(

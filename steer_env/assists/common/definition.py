@@ -6,17 +6,23 @@ row by row, so that its actions do not depend on the number of sub-environments.
 """
 
 import inspect
+import json
 from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.friction.numerics.registry import Registry
+from steer_env.registration import DRIVEN
 from steer_env.tasks.common.definition import Quantity, by_name
 from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST
 
 Array = NDArray[np.float64]
+# The options that a search has found for each id, by baseline, and how well they did; maintainers write it.
+TUNED = Path(__file__).parents[1] / "tuned.json"
 
 
 class Baseline:
@@ -107,8 +113,32 @@ def available() -> tuple[str, ...]:
     return BASELINES.available()
 
 
-def make(name: str, env: Any, **options: Any) -> Baseline:
+@cache
+def _options_by_task() -> dict[str, dict[str, dict[str, float]]]:
+    """The options that were found, by task and baseline."""
+    found = json.loads(TUNED.read_text(encoding="utf-8"))
+    ids = {entry_point.rpartition(":")[2]: env_id for env_id, entry_point in DRIVEN.items()}
+    return {
+        task: {name: dict(best["options"]) for name, best in found[env_id].items()}
+        for task, env_id in ids.items()
+        if env_id in found
+    }
+
+
+def make(name: str, env: Any, tuned: bool = True, **options: Any) -> Baseline:
     """A baseline by name for an environment.
+
+    Parameters
+    ----------
+    name : str
+        One of :func:`available`.
+    env : gym.Env or gym.vector.VectorEnv
+        As :class:`Baseline` takes it.
+    tuned : bool
+        Whether options that are not given are the best known for the task, which a search found with the default car;
+        otherwise, and where it found none, they are the standard values of the class.
+    **options
+        Of the class, by keyword.
 
     Raises
     ------
@@ -120,4 +150,6 @@ def make(name: str, env: Any, **options: Any) -> Baseline:
     for key in options:
         if key not in valid:
             raise ValueError(f"baseline assist {name!r} has no option {key!r}; it takes: {', '.join(valid) or 'none'}")
-    return BASELINES[name](env, **options)
+    batch = getattr(env.unwrapped, "batch", None)
+    best = _options_by_task().get(batch.task.name, {}) if tuned and batch is not None else {}
+    return BASELINES[name](env, **{**best.get(name, {}), **options})

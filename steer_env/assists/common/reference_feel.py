@@ -105,6 +105,14 @@ class Feel:
         self._memory[i] = 0.0
         self._memory[i, _SPEED] = handwheel_speed
 
+    def get_state(self) -> Array:
+        """A copy of what it remembers of all rows."""
+        return self._memory.copy()
+
+    def set_state(self, state: Array) -> None:
+        """Go on from a copy."""
+        self._memory[:] = state
+
     def references(self, lateral_acceleration: Array, handwheel_speed: Array, speed: Array) -> Array:
         """The reference torque (n,) [N m] at lateral accelerations [m/s2], handwheel speeds [rad/s], speeds [m/s]."""
         out = np.zeros(len(self._memory))

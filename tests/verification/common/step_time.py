@@ -8,10 +8,10 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 import gymnasium as gym
 import numpy as np
@@ -19,10 +19,10 @@ import numpy as np
 from steer_env import manoeuvres
 from steer_env.friction import law, make
 from steer_env.friction.numerics.kernel import kernel
-from steer_env.registration import DRIVEN
 from steer_env.vehicle import cars, plant
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
+Key = TypeVar("Key")
 FIRST_STEP = (
     "import time, gymnasium, steer_env; "
     "e = gymnasium.make({name!r}, chassis={chassis!r}); e.reset(seed=0); e.step(e.action_space.sample()); "
@@ -30,7 +30,7 @@ FIRST_STEP = (
 )
 
 
-def _best(runs: Mapping[str, Callable[[], float]], repeats: int) -> dict[str, float]:
+def _best(runs: Mapping[Key, Callable[[], float]], repeats: int) -> dict[Key, float]:
     """The least value that each run returns in several rounds.
 
     With many short rounds, some round of each run is undisturbed by other programs.
@@ -53,13 +53,18 @@ def _step_time(env: gym.Env, action: object, steps: int) -> float:
     return (spent + time.perf_counter() - start) / steps
 
 
-def ratios(steps: int = 200, repeats: int = 200) -> dict[str, float]:
-    """Time of 10 ms in each driving environment over that of a step of CartPole-v1, in this process."""
-    actions = {"CartPole-v1": 1, **dict.fromkeys(DRIVEN, np.array([0.02], np.float32))}
-    made = {name: gym.make(name, control_dt=0.01) if name in DRIVEN else gym.make(name) for name in actions}
-    runs = {name: partial(_step_time, made[name], action, steps) for name, action in actions.items()}
+def ratios(cases: Iterable[tuple[str, str]], steps: int = 200, repeats: int = 200) -> dict[tuple[str, str], float]:
+    """Time of 10 ms in driving environments over that of a step of CartPole-v1, in this process.
+
+    A case is an id and an ``info_level``. All environments are those of ``gymnasium.make``, with its wrappers.
+    """
+    cart, action = ("CartPole-v1", ""), np.array([0.02], np.float32)
+    runs = {cart: partial(_step_time, gym.make("CartPole-v1"), 1, steps)}
+    for name, level in cases:
+        env = gym.make(name, control_dt=0.01, info_level=level)
+        runs[name, level] = partial(_step_time, env, action, steps)
     times = _best(runs, repeats)
-    return {name: times[name] / times["CartPole-v1"] for name in DRIVEN}
+    return {case: times[case] / times[cart] for case in cases}
 
 
 def first_step(name: str, cache: str, chassis: str = "single_track") -> float:
