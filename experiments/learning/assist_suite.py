@@ -38,9 +38,7 @@ from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST
 
 Array = NDArray[np.float64]
 
-WORSE = (
-    1.25  # factor on the measure with the boost alone that an assist may have where that misses a limit; assumed [1]
-)
+WORSE = 1.25  # factor on the boost's own measure that an assist may have where that misses a limit, assumed [1]
 SEED = 4_000_000  # first of the rows' episodes; apart from those of training, search and evaluations
 WINDOW = 2.0  # over which the handwheel's swing is read [s]
 RIPPLE_FREQUENCY = 10.0  # above which the hands feel a torque as ripple [Hz]
@@ -61,15 +59,14 @@ class Result(NamedTuple):
 
     drive: str
     condition: str
-    # Infinite after a failure, NaN if every row is excused; in a row in which the boost alone misses the limit, the
-    # limit times the ratio to what the assist may have there [unit].
-    worst: float
+    # Where the boost alone misses the limit, ``worst`` is the limit times the ratio to what is allowed there.
+    worst: float  # infinite after a failure, NaN if every row is excused [unit]
     at: str  # where the worst is, in words
     limit: float  # [unit]
     unit: str
     holds: bool
     beyond: int  # rows in which the car with its boost alone misses the limit, and the assist is held against that
-    excused: int  # rows in which it fails
+    excused: int  # rows in which the car fails with its boost alone
     rows: int
 
 
