@@ -29,7 +29,8 @@ class SteerEnv(PlainSpecification, gym.Env):
         ``"lugre,F_c=1.2"``, or as a mapping, ``{"law": "lugre", "F_c": 1.2}``; a file with a fitted law,
         ``"fitted.json"``; or parameters from ``friction.make``.
     speed : float, optional
-        Speed that is held [m/s]; the task's own by default. The task's documentation gives the range.
+        Speed that is held [m/s]; the task's own by default, which is drawn at every reset where a task has a range. The
+        task's documentation gives what is allowed.
     vehicle : str, path or mapping, default "compact"
         A packaged car (``steer_env.vehicle.cars.available()``), a ``.toml`` or ``.json`` file, or a mapping with the
         contents of such a file, as in ``{"base": "compact", "chassis": {"rear_spring": 24e3}}``.

@@ -11,7 +11,7 @@ from functools import cache
 from steer_env import tasks
 from steer_env.env import SteerEnv
 from steer_env.episode.randomise import RANGES
-from steer_env.registration import HISTORY
+from steer_env.registration import history
 from steer_env.rendering.modes import frame_rate
 from steer_env.tasks import Task
 from steer_env.vector import SteerVectorEnv
@@ -80,7 +80,7 @@ def _documentation(task: Task) -> str:
         textwrap.fill(_arguments(task), 118),
         "`reset(options={...})` fixes what would be drawn:",
         table(("option", "meaning"), options),
-        f"## Version history\n\n{HISTORY}",
+        f"## Version history\n\n{history(task.name)}",
     ]
     return "\n\n".join(sections) + "\n"
 
@@ -99,12 +99,20 @@ def _arguments(task: Task) -> str:
     speed = (
         "without a speed, which is drawn with the scenario. The default chassis is"
         if task.draw_scenario
-        else f"with a speed from {low:g} to {high:g} m/s. The default speed is {3.6 * task.speed:g} km/h, the default "
+        else f"with a speed from {low:g} to {high:g} m/s. The default speed is {default_speed(task)}, the default "
         "chassis"
     )
     return (
         f"Those of `steer_env.SteerEnv`, {speed} {task.chassis[0]!r}, the default `control_dt` {task.control_dt:g} s."
     )
+
+
+def default_speed(task: Task) -> str:
+    """The held speed of a task that draws no scenario, in words."""
+    if task.speeds is None:
+        return f"{3.6 * task.speed:g} km/h"
+    low, high = (3.6 * speed for speed in task.speeds)
+    return f"drawn evenly from {low:.3g} to {high:.3g} km/h"
 
 
 @cache

@@ -7,18 +7,37 @@ import gymnasium as gym
 
 from steer_env.friction.numerics.registry import camel_case, listed
 
-VERSION = "v1"
+VERSION = "v1"  # of an id that is not in ``LATER``
 HISTORY = (
     "v1: another default car and assist, the rack force without the weight of the wheels, another reference feel; "
     "rewards from 0 to 1 per second, scaled observations with the last action, decisions of drivers every 50 ms, "
     "on straight lines.\n\n"
     "v0: first version; v1 replaces it."
 )
+# Version of the ids that were raised alone, and what it changed.
+LATER = {
+    "AssistRelease": (
+        "v2",
+        "v2: a speed and an angle that are drawn from low to high, a wanted return that is observed, a reward for "
+        "following it, and 10 N m of authority; with v1 doing nothing earned almost as much as the best controller.",
+    )
+}
+
+
+def id_of(name: str) -> str:
+    """The id of a task or a tuning scenario, by its name."""
+    version, _ = LATER.get(name, (VERSION, ""))
+    return f"steer_env/{name}-{version}"
+
+
+def history(name: str) -> str:
+    """What the versions of an id changed, by the name of its task or tuning scenario, the latest first."""
+    return f"{LATER[name][1]}\n\n{HISTORY}" if name in LATER else HISTORY
 
 
 def _entry_points(package: str, module: str) -> dict[str, str]:
     """Id -> entry point, for everything in a folder of tasks or scenarios."""
-    return {f"steer_env/{name}-{VERSION}": f"{module}:{name}" for name in listed(package, camel_case)}
+    return {id_of(name): f"{module}:{name}" for name in listed(package, camel_case)}
 
 
 # A step is one control step of a drive.

@@ -154,6 +154,7 @@ def _driving() -> list[Drive]:
     for law in sorted({*friction.available()} - {"lugre"}):
         drives.append(Drive("weave", law, {"friction": law}, _rows(WOVEN[1:2], LEVELS, {**_PLAIN, **_LATE})))
         drives.append(Drive("arms", law, {"friction": law}, _rows(DRIVEN, one, {**_PLAIN, **_DOUBLED})))
+        drives.append(Drive("release", law, {"friction": law}, _rows(SPEEDS, one, _MARGINS)))
         drives.append(Drive("pulse", law, {"friction": law}, _rows(SPEEDS, LEVELS, _MARGINS)))
     for car in OTHER_CARS:
         drives.append(Drive("weave", car, {"vehicle": car}, _rows(WOVEN[1:2], one, {**_PLAIN, **_LATE})))

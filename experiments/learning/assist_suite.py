@@ -2,7 +2,9 @@
 
 An assist fails where the motion of the handwheel does not die out with free hands or with a driver's arms, where its
 torque ripples in the hands, where a driver works far harder than without it, or where the car leaves its lane, spins or
-rolls over. A row in which the car with its boost alone misses the same limit is excused, and counted.
+rolls over. Where the car with its boost alone misses a limit, which a slow return does without any oscillation, the
+assist may have ``WORSE`` times its measure; such rows are counted. A row in which the car fails with its boost alone is
+excused.
 
     free swing, held swing  half the range of the handwheel angle over the last 2 s of the drive
     ripple                  rms hand torque above 10 Hz
@@ -28,6 +30,7 @@ from steer_env.experiments.learning.controllers import Maker
 from steer_env.experiments.pages import provenance
 from steer_env.experiments.sweep import Runner, run
 from steer_env.tasks import Task
+from steer_env.tasks.assist_release import RETURN_ERRORS, wanted_return
 from steer_env.tasks.common.definition import Quantity
 from steer_env.vector import SteerVectorEnv
 from steer_env.vehicle.cars import Car
@@ -35,6 +38,7 @@ from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST
 
 Array = NDArray[np.float64]
 
+WORSE = 1.25  # factor on the boost's own measure that an assist may have where that misses a limit, assumed [1]
 SEED = 4_000_000  # first of the rows' episodes; apart from those of training, search and evaluations
 WINDOW = 2.0  # over which the handwheel's swing is read [s]
 RIPPLE_FREQUENCY = 10.0  # above which the hands feel a torque as ripple [Hz]
@@ -55,12 +59,14 @@ class Result(NamedTuple):
 
     drive: str
     condition: str
+    # Where the boost alone misses the limit, ``worst`` is the limit times the ratio to what is allowed there.
     worst: float  # infinite after a failure, NaN if every row is excused [unit]
     at: str  # where the worst is, in words
     limit: float  # [unit]
     unit: str
     holds: bool
-    excused: int  # rows in which the car with its boost alone misses the limit
+    beyond: int  # rows in which the car with its boost alone misses the limit, and the assist is held against that
+    excused: int  # rows in which the car fails with its boost alone
     rows: int
 
 
@@ -140,6 +146,22 @@ def task_named(env_id: str) -> Task:
     return tasks.task(name)
 
 
+def _returns(held: Array, since: Array) -> Array:
+    """Wanted angles [rad] and speeds [rad/s] (2, n) of releases."""
+    return np.array([wanted_return(angle, max(time, 0.0)) for angle, time in zip(held, since)]).T
+
+
+def _tell_release(observation: Array, names: list[str], held: Array, since: Array) -> None:
+    """Write what an id observes of a release, ``since`` (n,) seconds ago at handwheel angles ``held`` (n,) [rad]."""
+    released = since >= 0.0
+    if "released" in names:
+        observation[:, names.index("released")] = released
+    for name, of, wanted in zip(RETURN_ERRORS, ("handwheel_angle", "handwheel_speed"), _returns(held, since)):
+        if name in names:
+            error = wanted - observation[:, names.index(of)]
+            observation[:, names.index(name)] = np.where(released, error, 0.0)
+
+
 def driven(drive: Drive, make: Maker, env_id: str) -> Record:
     """Drive a controller of an id through all rows of a drive."""
     home = task_named(env_id)
@@ -152,16 +174,19 @@ def driven(drive: Drive, make: Maker, env_id: str) -> Record:
         Seen(gym.spec(env_id), home, n, home.observed, np.ones(len(wanted)), env.control_dt, env.batch.car)
     )
     controller.reset()
-    seen = np.zeros((n, len(names) + 1))
+    seen, free = np.zeros((n, len(names) + 1)), round(KINDS[drive.kind].released / env.control_dt, 6)
+    late = np.array([round(row.options.get("delay", 0.0) / env.control_dt) for row in drive.rows])
+    held = np.zeros(n)  # handwheel angle at the release
     rows: list[list[Array]] = []
     failed, going = np.zeros(n, bool), np.ones(n, bool)
     seen[:, :-1] = start.observations
     while going.any():
         observation = seen[:, places]
-        if "released" in wanted:
-            observation[:, wanted.index("released")] = len(rows) * env.control_dt >= KINDS[drive.kind].released
+        _tell_release(observation, wanted, held, (len(rows) - late - free) * env.control_dt)
         action = controller.act(observation.astype(np.float32))
         seen[:, :-1], _, terminated, truncated, info = env.step(action)
+        if len(rows) < free:
+            held = info["handwheel_angle"].copy()
         rows.append([np.where(going, info[f"handwheel_{name}"], np.nan) for name in ("angle", "torque", "speed")])
         failed |= going & (info["failure"] > 0)
         going &= ~(terminated | truncated)
@@ -194,9 +219,11 @@ def judge(drive: Drive, make: Maker, env_id: str) -> list[Result]:
     """A result for every condition of a drive."""
     by = JUDGES[KINDS[drive.kind].judge]
     values, alone = measured(drive, make, env_id), _boost_alone(drive, env_id)
-    excused = ~np.isfinite(alone) if by.relative else ~(alone <= by.limit)
+    excused = ~np.isfinite(alone)
+    beyond = np.zeros(alone.size, bool) if by.relative else ~excused & (alone > by.limit)
     if by.relative:
         values = values / np.where(excused, np.nan, alone)
+    values = np.where(beyond, values / np.where(beyond, WORSE * alone, 1.0) * by.limit, values)
     results = []
     for variant in dict.fromkeys(row.variant for row in drive.rows):
         of = np.array([row.variant == variant for row in drive.rows])
@@ -204,7 +231,7 @@ def judge(drive: Drive, make: Maker, env_id: str) -> list[Result]:
         place = max(judged.tolist(), key=lambda i: values[i], default=None)
         worst, at = (np.nan, "") if place is None else (float(values[place]), drive.rows[place].place)
         holds, condition = not worst > by.limit, f"{drive.condition}, {variant}"
-        counts = int((of & excused).sum()), int(of.sum())
+        counts = int((of & beyond).sum()), int((of & excused).sum()), int(of.sum())
         results.append(Result(drive.kind, condition, worst, at, by.limit, by.unit, holds, *counts))
     return results
 

@@ -2,7 +2,8 @@
 
 A network that has learnt to shape the feel of slow steering may make a released handwheel oscillate. LQG and integral
 control step back there by :class:`steer_env.assists.common.reference_feel.Feel`; with the guard a trained policy does
-so by the same rule. It belongs to the policy: it acts during the training, and wherever the policy acts later.
+so by the same rule. A task that tells the release asks for a return, so there the guard ends with it. The guard belongs
+to the policy: it acts during the training, and wherever the policy acts later.
 """
 
 from typing import Any
@@ -34,6 +35,7 @@ class Guard:
         self._feel = Feel(batch, caution)
         self._places = [names.index(name) for name in _NEEDS]
         self._units = scale[self._places]
+        self._released = names.index("released") if "released" in names else None
         self._new = np.ones(batch.n, bool)
 
     def reset(self, rows: Any = slice(None)) -> None:
@@ -56,6 +58,8 @@ class Guard:
             self._feel.begin(i, float(speed[i]))
         self._new[:] = False
         share = self._feel.shares(torque, speed, forward)
+        if self._released is not None:
+            share = np.where(observations[:, self._released] > 0.5, 1.0, share)
         return (np.clip(actions, -1.0, 1.0) * share[:, None]).astype(np.float32)
 
 

@@ -18,7 +18,7 @@ from steer_env.experiments.learning.constants import ALGORITHMS
 from steer_env.experiments.pages.options import Friction
 from steer_env.friction.numerics import archives, toml
 from steer_env.friction.numerics.check import not_negative, number, numbers, one_of, positive, whole
-from steer_env.registration import DRIVEN, VERSION
+from steer_env.registration import DRIVEN, id_of
 
 Array = NDArray[np.float64]
 
@@ -269,7 +269,7 @@ def shipped_file(path: Path) -> bool:
 def check_id(env_id: str) -> None:
     """ValueError for an id that is not registered."""
     if env_id not in REGISTERED:
-        current = f"{str(env_id).rpartition('-')[0]}-{VERSION}"
+        current = id_of(str(env_id).rpartition("-")[0].removeprefix("steer_env/"))
         replaced = f"; it is replaced by {current}" if current in REGISTERED else ""
         raise ValueError(f"unknown environment {env_id!r}{replaced}; there are {', '.join(REGISTERED)}")
 

@@ -358,41 +358,9 @@ class Training:
             If both or none of the lengths are given, or one is out of range.
         """
         from stable_baselines3.common.callbacks import BaseCallback
-        from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
-
-        from steer_env.experiments.learning.guard import GuardedVecEnv
-        from steer_env.sb3 import SteerVecEnv
 
         reached = self._reached(minutes, steps)
-        chosen = self.settings["algorithm"]
-        self._raw = raw = SteerVecEnv(
-            self.env_id, chosen["num_envs"], friction=self.friction.parameters, **self.settings["environment"]
-        )
-        self._observations = [quantity.name for quantity in raw.vector.batch.observed]
-        caution = policy.guard_of({"settings": self.settings})
-        self._guarded = None if caution is None else GuardedVecEnv(raw, caution)
-        monitored = VecMonitor(self._guarded or raw)
-        if self._resume:
-            kept = {key: self.out / FOLDER / self._files[key] for key in ("model", "scaling", "session")}
-            self._env = VecNormalize.load(str(kept["scaling"]), monitored)
-            session = pickle.loads(kept["session"].read_bytes())
-            # Another seed, as the episodes and the noise of the first session would otherwise be drawn again where it
-            # reached its end.
-            model = policy.algorithm(self.algo).load(
-                kept["model"],
-                env=self._env,
-                device="cpu",
-                seed=(self.seed + self._trained) % 2**32,
-                learning_rate=self.learning_rate,
-                force_reset=session is None,
-            )
-            if session is not None:
-                self._continue(model, session)
-        else:
-            scaled = policy.is_scaled({"settings": self.settings})
-            self._env = VecNormalize(monitored, scaled, scaled, gamma=chosen.get("gamma", 0.99))
-            scheduled = {**chosen, "learning_rate": self.learning_rate}
-            model = new_model(self.algo, self._env, scheduled, self.seed, str(self.out / "tensorboard"))
+        model = self._model()
         # Only here, so that an error above leaves nothing behind.
         self.out.mkdir(parents=True, exist_ok=True)
         if not self._resume:
@@ -416,10 +384,46 @@ class Training:
                 model.learn(10**12, callback=Callback(), reset_num_timesteps=not self._resume, tb_log_name=self.algo)
                 self.checkpoint(model, clock.elapsed, within=True)
         finally:
-            raw.close()
+            self._raw.close()
         seconds = self.seconds if reached else clock.elapsed
         if self.validated != model.num_timesteps:
             self.validate(model, seconds)
+
+    def _model(self) -> Any:
+        """The model, new or that of the checkpoint, in its environments."""
+        from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
+
+        from steer_env.experiments.learning.guard import GuardedVecEnv
+        from steer_env.sb3 import SteerVecEnv
+
+        chosen = self.settings["algorithm"]
+        self._raw = SteerVecEnv(
+            self.env_id, chosen["num_envs"], friction=self.friction.parameters, **self.settings["environment"]
+        )
+        self._observations = [quantity.name for quantity in self._raw.vector.batch.observed]
+        caution = policy.guard_of({"settings": self.settings})
+        self._guarded = None if caution is None else GuardedVecEnv(self._raw, caution)
+        monitored = VecMonitor(self._guarded or self._raw)
+        if not self._resume:
+            scaled = policy.is_scaled({"settings": self.settings})
+            self._env = VecNormalize(monitored, scaled, scaled, gamma=chosen.get("gamma", 0.99))
+            scheduled = {**chosen, "learning_rate": self.learning_rate}
+            return new_model(self.algo, self._env, scheduled, self.seed, str(self.out / "tensorboard"))
+        kept = {key: self.out / FOLDER / self._files[key] for key in ("model", "scaling", "session")}
+        self._env = VecNormalize.load(str(kept["scaling"]), monitored)
+        session = pickle.loads(kept["session"].read_bytes())
+        model = policy.algorithm(self.algo).load(
+            kept["model"],
+            env=self._env,
+            device="cpu",
+            # Another seed, as the episodes of a session that reached its end would otherwise be drawn again.
+            seed=(self.seed + self._trained) % 2**32,
+            learning_rate=self.learning_rate,
+            force_reset=session is None,
+        )
+        if session is not None:
+            self._continue(model, session)
+        return model
 
     def _words(self, length: str) -> str:
         """The command that trains so."""

@@ -5,7 +5,7 @@ why its torque is limited and fades with the grip; here it runs at the control s
 
 The share is a compromise. With a dry law the feel error of AssistWeave falls up to a share of 1 (LuGre: 0.47 N m
 without compensation, 0.38 N m at 0.4, 0.30 N m at 1), because the motor damping of the default car alone makes its loop
-wider than that of the reference feel. But AssistRelease costs 7 % more at 0.4 and 17 % more at 1 with LuGre, and the
+wider than that of the reference feel. But AssistRelease earns 4 % less at 0.4 and 7 % less at 1 with LuGre, and the
 driver of AssistLaneKeeping has 13 % and 35 % more rms handwheel speed with Coulomb's law, 7 % and 34 % with the viscous
 one, and no more with the others.
 """

@@ -119,6 +119,8 @@ class EnvironmentBatch:
             if speed is not None or "speed" in (randomise or {}):
                 raise ValueError(f"{task.name} draws its speeds with its scenarios: leave speed out")
             limits = (task.speed, task.speed)
+        if task.speeds is not None and speed is None and isinstance(randomise, Mapping | None):
+            randomise = {"speed": task.speeds, **(randomise or {})}
         given = task.speed if speed is None else speed
         speed = number("speed [m/s]", given, minimum=limits[0], maximum=limits[1])
         self.car = cars.load(vehicle)

@@ -18,7 +18,7 @@ from steer_env.engine.batch import EnvironmentBatch
 from steer_env.episode.randomise import Conditions
 from steer_env.friction.law import law_of
 from steer_env.friction.numerics.packing import numbers
-from steer_env.registration import VERSION as ID_VERSION
+from steer_env.registration import id_of
 
 VERSION = 2  # of the format and of the meaning of what it holds: raised when either changes
 Generators: TypeAlias = tuple[tuple[np.random.Generator, int], ...]  # of each sub-environment, with its seed
@@ -83,7 +83,7 @@ def _kind(batch: EnvironmentBatch) -> dict[str, str]:
     # Every number of the car that a plant is made of, at any speed and with any law.
     p = batch.car.plant("coulomb", speed=20.0, chassis=batch.chassis)
     return {
-        "id": f"steer_env/{batch.task.name}-{ID_VERSION}",
+        "id": id_of(batch.task.name),
         "car": f"{batch.car.name} (numbers {_digest((numbers(p), *p.strut))})",
         "chassis": batch.chassis,
         "law": f"{law.name} ({numbers(usual.friction).size} numbers, {law.memory_size(usual.friction)} of memory)",

@@ -46,6 +46,8 @@ SENSOR_NOISE = {
     "lateral_speed": 0.05,
     "column_speed": 0.02,
     "motor_torque": 0.1,
+    "return_error": 0.001,
+    "return_speed_error": 0.02,
     "lateral_offset": 0.02,
     "heading_error": 0.002,
     "speed": 0.05,

@@ -10,7 +10,7 @@ from steer_env import targets
 from steer_env.environments import table
 from steer_env.episode.randomise import RANGES
 from steer_env.metrics import definition
-from steer_env.registration import HISTORY
+from steer_env.registration import history
 from steer_env.tuning import reward
 from steer_env.tuning.env import DRAWN, SETS, TuneEnv, observed
 from steer_env.tuning.parameters import PARAMETERS
@@ -93,7 +93,7 @@ def _documentation(scenario: Scenario) -> str:
         "## Arguments",
         "Those of `steer_env.tuning.TuneEnv`. `reset(options={...})` fixes what would be drawn:",
         table(("option", "meaning"), [(f"`{key}`", RANGES[key][2]) for key in DRAWN]),
-        f"## Version history\n\n{HISTORY}",
+        f"## Version history\n\n{history(scenario.name)}",
     ]
     return "\n\n".join(sections) + "\n"
 

@@ -11,11 +11,11 @@ from tests.tools import audit
 from tests.tools.audit import Behaviour, Verdict
 from tests.tools.policy_search import Budget
 
-RELEASE, WEAVE = "steer_env/AssistRelease-v1", "steer_env/AssistWeave-v1"
+RELEASE, WEAVE = "steer_env/AssistRelease-v2", "steer_env/AssistWeave-v1"
 SMALL = Budget(rounds=1, candidates=2, best=1, episodes=1, steps=0)
-# A reward that judges an episode from the release on alone, as an earlier one did.
-AFTER_RELEASE = {"return": 1.0, "feel": 0.0, "ripple": 0.0, "smoothness": 0.0, "effort": 0.0}
-PUSH = "push before the release"
+# A reward that pays for the return and does not mind how: the effort counts in proportion to it.
+RETURN_ALONE = {"goal": 0.0, "ripple": 0.0, "smoothness": 0.0, "effort": 1.0}
+SHAKE = "shake before the release"
 
 
 @pytest.fixture
@@ -24,13 +24,17 @@ def short(monkeypatch):
     monkeypatch.setattr(audit, "EPISODES", 2)
 
 
-def test_a_reward_that_pays_for_pushing_is_found_out(short):
-    found = {one.policy: one for one in audit.audit(RELEASE, SMALL, weights=AFTER_RELEASE)}
-    assert found[PUSH].cheats
-    assert "aim" in found[PUSH].worse_in
+def test_a_reward_that_pays_for_shaking_is_found_out(short, monkeypatch):
+    monkeypatch.setattr(audit, "baselines", lambda env_id: {})  # beside zero action alone
+    found = {one.policy: one for one in audit.audit(RELEASE, SMALL, weights=RETURN_ALONE)}
+    assert found[SHAKE].cheats
+    assert found[SHAKE].worse_in == ("ripple",)
+
+
+def test_shaking_before_the_release_does_not_pay(short):
     found = {one.policy: one for one in audit.audit(RELEASE, SMALL)}
-    assert not found[PUSH].cheats
-    assert found[PUSH].worse_in == ("ripple", "aim")
+    assert not found[SHAKE].cheats
+    assert "ripple" in found[SHAKE].worse_in
 
 
 @pytest.mark.parametrize(
@@ -90,8 +94,9 @@ def test_the_command(short, capsys, monkeypatch):
     command = ["audit", "--env", RELEASE, "--rounds", "1", "--steps", "0", "--workers", "1"]
     assert maintain(command) == 0
     text = capsys.readouterr().out
-    assert PUSH in text
+    assert SHAKE in text
     assert "CHEATS" not in text
-    monkeypatch.setattr(audit, "audit", partial(audit.audit, weights=AFTER_RELEASE))
+    monkeypatch.setattr(audit, "audit", partial(audit.audit, weights=RETURN_ALONE))
+    monkeypatch.setattr(audit, "baselines", lambda env_id: {})
     assert maintain(command) == 1
-    assert "CHEATS in ripple, aim" in capsys.readouterr().out
+    assert "CHEATS in ripple" in capsys.readouterr().out

@@ -7,8 +7,9 @@ import pytest
 pytest.importorskip("stable_baselines3")
 from steer_env.experiments.learning.guard import Guard, GuardedVecEnv
 from steer_env.sb3 import SteerVecEnv
+from steer_env.tasks.assist_release import RELEASE_TIME
 
-WEAVE, RELEASE = "steer_env/AssistWeave-v1", "steer_env/AssistRelease-v1"
+WEAVE, RELEASE = "steer_env/AssistWeave-v1", "steer_env/AssistRelease-v2"
 
 
 def shares(env_id, seconds, action=0.2, **options):
@@ -30,11 +31,17 @@ def test_slow_steering_with_hands_passes():
 
 
 def test_without_hands_nothing_acts():
-    share = shares(RELEASE, 8.5, amplitude=0.3)
+    share = shares("steer_env/AssistAllRound-v1", 8.5, scenario=1)  # a release, which the controller is not told
     assert share.max() > 0.5  # while the robot holds the handwheel
     assert share[-200:].max() < 0.02
     assert (share >= 0.0).all()
     assert (share <= 1.0).all()
+
+
+def test_the_guard_ends_where_a_return_is_asked_for():
+    share = shares(RELEASE, 4.5)
+    assert share[:100].min() < 0.1
+    np.testing.assert_allclose(share[round(RELEASE_TIME / 0.01) + 1 :], 1.0, rtol=1e-6)
 
 
 def test_the_training_steps_with_what_the_policy_will_do_later():

@@ -163,7 +163,7 @@ time: Environment steps relative to CartPole-v1, 1 ms of plant relative to LuGre
   steer_env/AssistLaneChange-v1, over CartPole-v1           1.8 x   <= 2 x     pass
   steer_env/AssistLaneKeeping-v1, over CartPole-v1          1.8 x   <= 2 x     pass
   steer_env/AssistParking-v1, over CartPole-v1              2.2 x   <= 3 x     pass
-  steer_env/AssistRelease-v1, over CartPole-v1              1.6 x   <= 2 x     pass
+  steer_env/AssistRelease-v2, over CartPole-v1              1.6 x   <= 2 x     pass
   steer_env/AssistWeave-v1, over CartPole-v1                1.6 x   <= 1.85 x  pass
   steer_env/DriverDoubleLaneChange-v1, over CartPole-v1     1.7 x   <= 2 x     pass
   steer_env/DriverLaneKeeping-v1, over CartPole-v1          1.7 x   <= 2 x     pass

@@ -16,7 +16,7 @@ from steer_env.registration import REGISTERED
 from tests.maintain.__main__ import run as maintain
 from tests.tools import scores
 
-RELEASE, TUNE = "steer_env/AssistRelease-v1", "steer_env/TuneOnCentre-v1"
+RELEASE, TUNE = "steer_env/AssistRelease-v2", "steer_env/TuneOnCentre-v1"
 
 
 def _score(reward, trained=False):
@@ -38,7 +38,7 @@ def test_one_command_prints_the_page_and_writes_the_thresholds(tmp_path, capsys)
     for name in ("zero", "random", "lqg", "active return", "policy, seed-0"):
         assert f"\n| {name} | " in printed.out
     assert re.search(
-        r"\| policy, seed-0 \|.*5 N m \| 10 ms \|.*the observations; trained with friction lugre", printed.out
+        r"\| policy, seed-0 \|.*10 N m \| 10 ms \|.*the observations; trained with load .*, friction lugre", printed.out
     )
     found = json.loads(thresholds.read_text())
     assert found["other"] == 1.0

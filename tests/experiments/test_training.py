@@ -351,8 +351,8 @@ def test_shift_command(trained, tmp_path, capsys, monkeypatch):
     assert list(found["over"]["level"]) == ["0.5", "1", "2", "3", "5"]
     assert list(found["over"]["law"]) == ["coulomb"]
     assert set(found["over"]["level"]["2"]["metrics"]) >= {"policy", "lqg"}
-    assert main(["policy", "shift", path, "--env", "steer_env/AssistRelease-v1"]) == 2
-    assert "was trained for steer_env/AssistWeave-v1, not steer_env/AssistRelease-v1" in capsys.readouterr().err
+    assert main(["policy", "shift", path, "--env", "steer_env/AssistRelease-v2"]) == 2
+    assert "was trained for steer_env/AssistWeave-v1, not steer_env/AssistRelease-v2" in capsys.readouterr().err
     assert main(["policy", "shift", path, "--over", "load", "--friction", "coulomb"]) == 2
     assert "--friction names the laws of --over law, and --over is load" in capsys.readouterr().err
 
@@ -539,6 +539,7 @@ def test_shift_over_everything(trained, tmp_path):
     [
         (["train", "--env", "steer_env/DriverFlying-v1"], "unknown environment 'steer_env/DriverFlying-v1'; there are"),
         (["train", "--env", "steer_env/AssistWeave-v0"], "it is replaced by steer_env/AssistWeave-v1"),
+        (["train", "--env", "steer_env/AssistRelease-v1"], "it is replaced by steer_env/AssistRelease-v2"),
         (["train", "--env", WEAVE, "--minutes", "-1"], "minutes must be .*greater than 0"),
         (["train", "--env", WEAVE, "--minutes", "nan"], "minutes must be finite"),
         (["train", "--env", WEAVE, "--steps", "0"], "--steps: must be a whole number of at least 1, got '0'"),

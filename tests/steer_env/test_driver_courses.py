@@ -8,6 +8,7 @@ import steer_env  # noqa: F401 (registers the ids)
 from steer_env import drivers
 from steer_env.drivers.common.known_torque import acceleration_gain, known_torque
 from steer_env.engine import infos
+from steer_env.registration import id_of
 from steer_env.vehicle import cars, plant
 from steer_env.vehicle.analysis import linear
 
@@ -97,7 +98,7 @@ def test_a_held_torque_keeps_the_lane_as_well(name, driver, speed):
 
     The robot's arms of 200 N m/rad made a limit cycle before they were softened for the interval.
     """
-    fine, held = (driven(f"steer_env/{name}-v1", driver, n=3, speed=speed, control_dt=dt) for dt in (0.01, 0.05))
+    fine, held = (driven(id_of(name), driver, n=3, speed=speed, control_dt=dt) for dt in (0.01, 0.05))
     for a, b in zip(fine, held):
         assert b["rms_lateral_offset"] < 1.1 * a["rms_lateral_offset"] + 0.01
         assert b["rms_handwheel_speed"] < 1.7 * a["rms_handwheel_speed"] + 0.01

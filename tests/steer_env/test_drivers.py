@@ -24,6 +24,7 @@ from steer_env.drivers.common.definition import (
     neuromuscular_step,
 )
 from steer_env.episode.timing import UPDATE_INTERVAL
+from steer_env.registration import id_of
 from steer_env.tasks.common.path_following import PATH_OBSERVATIONS
 from steer_env.vehicle import cars
 from steer_env.vehicle.analysis import linear
@@ -83,7 +84,7 @@ def test_a_mirrored_course_is_driven_mirrored_to_the_bit(driver):
 @pytest.mark.parametrize("driver", WITH_PREVIEW)
 @pytest.mark.parametrize("name", ["DriverLaneKeeping", "DriverWindingRoad"])
 def test_every_driver_keeps_the_lane(name, driver):
-    _, info = drive(gym.make(f"steer_env/{name}-v1"), driver)
+    _, info = drive(gym.make(id_of(name)), driver)
     assert info["metrics"]["peak_lateral_offset"] < 0.6
     assert info["metrics"]["rms_hand_torque"] < 2.5
 
@@ -118,7 +119,7 @@ def test_tensed_arms_follow_the_path_better():
 @pytest.mark.parametrize("law", ["coulomb", "lugre", "masing"])
 def test_a_handwheel_that_is_let_go_settles(law):
     """Hands off after a steady turn: it comes back by more than half, and stands still."""
-    env = gym.make("steer_env/AssistRelease-v1", friction=law)
+    env = gym.make("steer_env/AssistRelease-v2", friction=law, speed=100.0 / 3.6)
     env.reset(seed=0, options={"amplitude": 0.4})
     over, angles = False, []
     while not over:

@@ -249,7 +249,7 @@ def test_the_wanted_hand_torque_is_drawn_where_the_task_scores_it(name):
 
 
 def test_the_drawn_torque_is_the_reference_feel_until_the_hands_let_go():
-    env = gym.make("steer_env/AssistRelease-v1", render_mode="rgb_array")
+    env = gym.make("steer_env/AssistRelease-v2", render_mode="rgb_array")
     env.reset(seed=0)
     for k in range(1, 101 + round(release.RELEASE_TIME / 0.01)):
         *_, info = env.step(np.zeros(1, np.float32))

@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from steer_env import tasks
-from steer_env.registration import DRIVEN
+from steer_env import friction, tasks
+from steer_env.experiments.learning import assist_drives
+from steer_env.registration import DRIVEN, id_of
+from steer_env.tasks import assist_release
 from steer_env.tasks.common import definition, terms
 from steer_env.tasks.common.definition import DEPARTED, FAILURE, FINISHED, GOES_ON, StepContext
+from steer_env.tasks.common.reference_feel import reference_torque
 from steer_env.vehicle.plant import CHANNEL
 
 NAMES = tasks.available()
@@ -19,7 +22,7 @@ SEED = 5
 
 
 def made(name, n=8, **arguments):
-    return gym.make_vec(f"steer_env/{name}-v1", num_envs=n, **arguments).unwrapped
+    return gym.make_vec(id_of(name), num_envs=n, **arguments).unwrapped
 
 
 def episode(env, act, seed=SEED):
@@ -169,6 +172,150 @@ def test_the_reward_of_zero_action_is_not_saturated(env_id):
     assert 0.05 < quality < 0.97, quality
 
 
+RELEASE = tasks.task("AssistRelease")
+SCALE = (
+    assist_release.HELD_SHARE * assist_release.RELEASE_TIME + assist_release.FREE
+)  # largest return of an episode [s]
+RELEASED_CARS = ("compact", *assist_drives.OTHER_CARS)
+# Pairs of a law and a car in a test that every change needs: the extremes of a table of all.
+RELEASED = (("lugre", "compact"), ("viscous", "compact"), ("coulomb", "rear_drive_saloon"))
+
+
+def released(act, n=16, law="lugre", car="compact"):
+    """Mean return of episodes of AssistRelease over the largest; ``act(seen, k)`` gives torques (n,) [N m]."""
+    env = made("AssistRelease", n, friction=law, vehicle=car, normalise=False)
+    names = [quantity.name for quantity in env.batch.observed]
+
+    def action(observation, k):
+        seen = dict(zip(names, observation.astype(float).T))
+        return np.clip(act(seen, k) / RELEASE.action.scale, -1.0, 1.0).astype(np.float32)[:, None]
+
+    found, *_ = episode(env, action)
+    env.close()
+    return found.mean() / SCALE
+
+
+class Clean:
+    """The best known of what knows observations alone: integral control of the feel, then of the return.
+
+    The gains were searched for, on three pairs of car and law together.
+    """
+
+    def __init__(self):
+        self.sum = 0.0
+
+    def __call__(self, seen, k):
+        error = seen["return_error"]
+        off = seen["torsion_bar_torque"] - np.vectorize(reference_torque)(
+            seen["lateral_acceleration"], seen["handwheel_speed"]
+        )
+        self.sum = np.clip(self.sum + 0.01 * np.where(seen["released"] > 0.5, 1100.0 * error, 40.0 * off), -10.0, 10.0)
+        slow = seen["return_speed_error"] + seen["handwheel_speed"] - seen["column_speed"]  # where the torque acts
+        pushed = 90.0 * error + 3.0 * slow + 1.5 * seen["lateral_acceleration"]
+        return self.sum + np.where(seen["released"] > 0.5, pushed, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("law", "car"),
+    [
+        pytest.param(*pair, marks=() if pair in RELEASED else pytest.mark.whole)
+        for pair in itertools.product(friction.available(), RELEASED_CARS)
+    ],
+)
+def test_a_return_earns_most_of_the_scale_more_than_nothing(law, car):
+    nothing, best = (released(act, law=law, car=car) for act in (nothing_at_all, Clean()))
+    assert nothing < 0.3
+    assert best - nothing > 0.6
+
+
+def nothing_at_all(seen, k):
+    return np.zeros(seen["speed"].size)
+
+
+def along(size, band=0.0):
+    """Full torque one way or the other along the wanted return."""
+
+    def act(seen, k):
+        off = seen["return_error"] + 0.05 * seen["return_speed_error"]
+        return size * np.sign(off) * (np.abs(off) > band) * seen["released"]
+
+    return act
+
+
+class Locked:
+    """Holds the handwheel where it was released, as stiffly as sampling allows."""
+
+    def __init__(self):
+        self.held = 0.0
+
+    def __call__(self, seen, k):
+        self.held = np.where(seen["released"] > 0.5, self.held, seen["handwheel_angle"])
+        return 80.0 * (self.held - seen["handwheel_angle"]) - 3.0 * seen["column_speed"] * seen["released"]
+
+
+CHEAP = {
+    "bang-bang along the wanted return": along(10.0),
+    "half of it": along(5.0),
+    "half of it, with a dead band": along(5.0, 0.01),
+    "bang-bang to the centre": lambda seen, k: -10.0 * np.sign(seen["handwheel_angle"]) * seen["released"],
+    "a locked handwheel": Locked(),
+    "chatter": lambda seen, k: np.full(seen["speed"].size, 10.0 * (-1.0) ** k),
+    "small chatter": lambda seen, k: np.full(seen["speed"].size, 2.0 * (-1.0) ** k),
+    "a constant torque": lambda seen, k: np.full(seen["speed"].size, 3.0),
+}
+
+
+@pytest.mark.parametrize("name", CHEAP)
+def test_what_nobody_wants_of_a_return_earns_no_more_than_nothing(name):
+    for law in ("lugre", "viscous"):
+        assert released(CHEAP[name], law=law) < released(nothing_at_all, law=law) + 0.02
+
+
+def test_chatter_on_top_of_a_clean_return_costs_most_of_it():
+    clean, shaken = Clean(), Clean()
+    found = released(clean)
+    assert released(lambda seen, k: shaken(seen, k) + 2.0 * (-1.0) ** k) < 0.5 * found
+
+
+def test_a_release_is_drawn_from_low_to_high_speed_and_can_be_fixed():
+    env = made("AssistRelease", 64)
+    _, info = env.reset(seed=SEED)
+    low, high = RELEASE.speeds
+    speeds = info["conditions"]["speed"]
+    assert (speeds >= low).all()
+    assert (speeds <= high).all()
+    assert np.ptp(speeds) > 0.9 * (high - low)
+    angles = np.abs(env.batch.arrays.task_data[:, 0])
+    assert angles[speeds < 20.0 / 3.6].min() > 2.0
+    assert angles[speeds > 90.0 / 3.6].max() < 0.7
+    _, info = env.reset(seed=SEED, options={"speed": 10.0, "amplitude": 0.4})
+    assert (info["conditions"]["speed"] == 10.0).all()
+    assert (env.batch.arrays.task_data[:, 0] == 0.4).all()
+    assert (made("AssistRelease", speed=12.0).reset(seed=SEED)[1]["conditions"]["speed"] == 12.0).all()
+    _, info = made("AssistRelease", randomise={"speed": (20.0, 21.0)}).reset(seed=SEED)
+    assert (info["conditions"]["speed"] >= 20.0).all()
+
+
+def test_the_wanted_return_starts_at_rest_at_the_held_angle_and_does_not_overshoot():
+    """By its differential equation, T^2 x'' + 2 T x' + x = 0."""
+    t, T = np.linspace(0.0, 5.0, 5001), assist_release.RETURN_TIME
+    angle, speed = np.array([assist_release.wanted_return(0.7, each) for each in t]).T
+    assert (angle[0], speed[0]) == (0.7, 0.0)
+    assert (np.diff(angle) < 0.0).all()
+    assert angle.min() > 0.0
+    np.testing.assert_allclose(np.gradient(angle, t)[1:-1], speed[1:-1], atol=1e-5)
+    acceleration = np.gradient(speed, t)
+    np.testing.assert_allclose((T * T * acceleration + 2.0 * T * speed + angle)[1:-1], 0.0, atol=1e-5)
+
+
+def test_a_release_earns_the_same_alone_and_among_others():
+    several, alone = made("AssistRelease", 3), gym.make(id_of("AssistRelease")).unwrapped
+    clean = np.random.default_rng(SEED).uniform(-0.3, 0.3, (500, 1)).astype(np.float32)
+    together, *_ = episode(several, lambda o, k: np.repeat(clean[k][None], 3, axis=0))
+    alone.reset(seed=SEED + 1)
+    assert sum(alone.step(clean[k])[1] for k in range(500)) == pytest.approx(together[1], rel=1e-12)
+
+
 def test_the_torque_known_to_the_driver_in_the_loop_is_that_of_the_car():
     """It was ten times too small where the driver's own arms held the handwheel while it was measured."""
     alone, in_loop = made("DriverLaneKeeping", 1), made("AssistLaneKeeping", 1)
@@ -222,7 +369,7 @@ def test_the_driver_holds_the_handwheel_in_lane_changes_alone():
     ],
 )
 def test_a_cost_is_its_quantity_over_its_budget(name, cost, exceeds):
-    env = gym.make(f"steer_env/{name}-v1", control_dt=0.01).unwrapped
+    env = gym.make(id_of(name), control_dt=0.01).unwrapped
     limit = {each.name: each.limit for each in env.task.costs}[cost]
     env.reset(seed=SEED, options={"action_gain": 1.5} if name == "AssistAllRound" else {})
     rng, beyond, found, over, k = np.random.default_rng(SEED), 0.0, 0.0, False, 0

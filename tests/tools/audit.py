@@ -87,10 +87,10 @@ class Scripted:
         return np.clip(self._act(seen) / self.scale, -1.0, 1.0).astype(np.float32)[:, None]
 
 
-def _push(seen: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
-    """Push against the robot's hands before the release, return strongly after it."""
-    angle, speed, released = seen["handwheel_angle"], seen["handwheel_speed"], seen["released"]
-    return np.where(released > 0.5, -40.0 * angle - 3.0 * speed, -5.0 * np.sign(angle))
+def _shake(seen: Mapping[str, NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Shake the robot's hands before the release, follow the wanted return after it."""
+    following = 40.0 * seen["return_error"] + 2.0 * seen["return_speed_error"]
+    return np.where(seen["released"] > 0.5, following, np.where(seen["last_action"] > 0.0, -5.0, 5.0))
 
 
 # Policies that an earlier reward paid for: name -> (tasks, what it does [N m]).
@@ -98,7 +98,7 @@ CHEATS: dict[str, tuple[str, Callable[[Mapping[str, NDArray[np.float64]]], NDArr
     "full lock into the ditch": ("lateral_offset", lambda seen: np.full(seen["speed"].size, 25.0)),
     "hands off": ("Driver", lambda seen: np.zeros(seen["speed"].size)),
     "stiff servo that chatters": ("target_0.0s", lambda seen: 80.0 * seen["target_0.0s"]),
-    "push before the release": ("released", _push),
+    "shake before the release": ("released", _shake),
 }
 
 

@@ -117,7 +117,7 @@ def _environments() -> Iterator[tuple[str, dict[str, np.ndarray]]]:
 
 
 def _draws(name: str) -> dict[str, Any]:
-    """Ranges of the conditions that an id draws: the speed too, of those that drive at one speed."""
+    """Ranges of the conditions that an id draws: the speed too, of those that draw no scenario."""
     env: Any = gym.make(name)
     speed = env.unwrapped.task.speed if env.unwrapped.task.draw_scenario is None else 0.0
     env.close()
@@ -148,7 +148,7 @@ def _controllers() -> Iterator[tuple[str, dict[str, np.ndarray]]]:
     from steer_env import assists, drivers
 
     for name in assists.available():
-        for env_id in ("steer_env/AssistRelease-v1", "steer_env/AssistAllRound-v1"):
+        for env_id in ("steer_env/AssistRelease-v2", "steer_env/AssistAllRound-v1"):
             yield f"assist {name} {env_id}", _controlled(env_id, lambda env, name=name: assists.make(name, env))
     for name in drivers.available():
         env_id = "steer_env/DriverDoubleLaneChange-v1"

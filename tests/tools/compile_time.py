@@ -12,8 +12,9 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 STEP = """
-import time, gymnasium, steer_env
-env = gymnasium.make("steer_env/{task}-v1", chassis="{chassis}")
+import time, gymnasium
+from steer_env.registration import id_of
+env = gymnasium.make(id_of("{task}"), chassis="{chassis}")
 env.reset(seed=0)
 env.step(env.action_space.sample())
 print(time.process_time())

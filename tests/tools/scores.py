@@ -10,7 +10,7 @@ import gymnasium as gym
 import numpy as np
 
 from steer_env import tasks
-from steer_env.environments import table
+from steer_env.environments import default_speed, table
 from steer_env.experiments.learning import held_out, policy, policy_report
 from steer_env.experiments.learning.constants import HELD_OUT
 from steer_env.experiments.learning.controllers import SIMPLE, Maker, baselines
@@ -122,8 +122,9 @@ def _driven(env_id: str, every: Mapping[str, Mapping[str, Episodes]], paths: Map
         for name, each in found.items()
     }
     usual = env.unwrapped.batch.usual_conditions
+    speed = f"{3.6 * usual.speed:g} km/h" if task.speeds is None else f"a speed {default_speed(task)}"
     about = (
-        f"Decisions every {1e3 * env.unwrapped.control_dt:g} ms, {3.6 * usual.speed:g} km/h, "
+        f"Decisions every {1e3 * env.unwrapped.control_dt:g} ms, {speed}, "
         f"sensor noise {usual.sensor_noise:g}, delay of the observation {1e3 * usual.delay:g} ms."
     )
     env.close()

@@ -6,7 +6,7 @@ from typing import Any
 from steer_env import friction, tasks
 from steer_env.experiments.learning import assist_suite, held_out, policy, policy_report, shift
 from steer_env.experiments.learning.controllers import Maker, baselines
-from steer_env.registration import VERSION
+from steer_env.registration import id_of
 from tests.verification.common import step_time
 from tests.verification.common.rows import Row, verdict
 
@@ -14,8 +14,8 @@ CASES = 200  # held-out episodes
 CLEAN = 0.95  # least share of double lane changes without a cone
 BETTER = 0.5  # least share by which the policy's feel error is below the boost table's
 SHARE = 0.15  # largest share of the environment in the wall time of PPO
-DRIVER, ASSIST = f"steer_env/DriverDoubleLaneChange-{VERSION}", f"steer_env/AssistWeave-{VERSION}"
-ALL_ROUND = f"steer_env/AssistAllRound-{VERSION}"
+DRIVER, ASSIST = id_of("DriverDoubleLaneChange"), id_of("AssistWeave")
+ALL_ROUND = id_of("AssistAllRound")
 
 
 def rows(cases: int = CASES) -> Iterator[Row]:

@@ -181,9 +181,9 @@ def print_quantities(found: Sequence[Quantity], title: str) -> None:
 def print_suite(found: Sequence[Result], title: str, whole: bool) -> None:
     """Print what fails in the suite for assists and the worst of each drive, or the ``whole``; then the verdict."""
     table = _table()
-    headings = ("drive", "condition", "worst", "at", "limit", "unit", "holds", "excused")
+    headings = ("drive", "condition", "worst", "at", "limit", "unit", "holds", "beyond")
     for heading in headings:
-        table.add_column(heading, justify="right" if heading in ("worst", "limit", "excused") else "left")
+        table.add_column(heading, justify="right" if heading in ("worst", "limit", "beyond") else "left")
     worst: dict[str, Result] = {}
     for one in found:
         if one.drive not in worst or one.worst / one.limit > worst[one.drive].worst / worst[one.drive].limit:
@@ -192,13 +192,17 @@ def print_suite(found: Sequence[Result], title: str, whole: bool) -> None:
         if whole or not one.holds or worst[one.drive] is one:
             holds = "[green]yes[/green]" if one.holds else "[red]no[/red]"
             value = "" if math.isnan(one.worst) else f"{one.worst:.3g}"
-            excused = f"{one.excused} of {one.rows}" if one.excused else ""
-            table.add_row(one.drive, one.condition, value, one.at, f"{one.limit:g}", one.unit, holds, excused)
+            beyond = f"{one.beyond} of {one.rows}" if one.beyond else ""
+            table.add_row(one.drive, one.condition, value, one.at, f"{one.limit:g}", one.unit, holds, beyond)
     printer = console()
     _print(printer, table, title)
-    holding, excused, rows = (sum(of) for of in zip(*((one.holds, one.excused, one.rows) for one in found)))
-    text = f"holds in {holding} of {len(found)} conditions"
-    printer.print(f"{text}; {excused} of {rows} drives excused: the car with its boost alone fails there", style="bold")
+    kept = zip(*((one.holds, one.beyond, one.excused, one.rows) for one in found))
+    holding, beyond, excused, rows = (sum(of) for of in kept)
+    printer.print(
+        f"holds in {holding} of {len(found)} conditions; in {beyond} of {rows} drives the car with its boost alone is "
+        f"beyond the limit, and the assist is held against it; in {excused} it fails, and they are excused",
+        style="bold",
+    )
 
 
 def print_fits(found: friction_fit.Found) -> None:

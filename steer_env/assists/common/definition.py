@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.friction.numerics.registry import Registry
-from steer_env.registration import DRIVEN
+from steer_env.registration import id_of
 from steer_env.tasks.common.definition import Quantity, by_name
 from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST
 
@@ -114,15 +114,10 @@ def available() -> tuple[str, ...]:
 
 
 @cache
-def _options_by_task() -> dict[str, dict[str, dict[str, float]]]:
-    """The options that were found, by task and baseline."""
-    found = json.loads(TUNED.read_text(encoding="utf-8"))
-    ids = {entry_point.rpartition(":")[2]: env_id for env_id, entry_point in DRIVEN.items()}
-    return {
-        task: {name: dict(best["options"]) for name, best in found[env_id].items()}
-        for task, env_id in ids.items()
-        if env_id in found
-    }
+def _kept() -> dict[str, dict[str, Any]]:
+    """What was found, by id and baseline."""
+    found: dict[str, dict[str, Any]] = json.loads(TUNED.read_text(encoding="utf-8"))
+    return found
 
 
 def make(name: str, env: Any, tuned: bool = True, **options: Any) -> Baseline:
@@ -151,5 +146,6 @@ def make(name: str, env: Any, tuned: bool = True, **options: Any) -> Baseline:
         if key not in valid:
             raise ValueError(f"baseline assist {name!r} has no option {key!r}; it takes: {', '.join(valid) or 'none'}")
     batch = getattr(env.unwrapped, "batch", None)
-    best = _options_by_task().get(batch.task.name, {}) if tuned and batch is not None else {}
-    return BASELINES[name](env, **{**best.get(name, {}), **options})
+    found = _kept().get(id_of(batch.task.name), {}) if tuned and batch is not None else {}
+    best = found[name]["options"] if name in found else {}
+    return BASELINES[name](env, **{**best, **options})

@@ -221,6 +221,7 @@ class Task:
     ends: str  # what ends an episode, in words
     speed: float  # held, by default [m/s]
     speed_range: tuple[float, float] = (3.0, math.inf)  # sensible speeds, assumed, where the chassis allows them [m/s]
+    speeds: tuple[float, float] | None = None  # drawn from where neither the environment nor a reset gives one [m/s]
     scripted_inputs: tuple[int, ...] = ()  # plant inputs that the setup prescribes
     robot: bool = False  # whether the handwheel angle is prescribed
     driver_in_loop: bool = False  # whether a driver model holds the handwheel and follows the path

@@ -99,7 +99,8 @@ def evaluate_added_work(channels, step, costs):
 def evaluate_common(channels, step, share, memory, rewards, costs, metrics):
     """Add the common rewards and costs, and give the common metrics their values.
 
-    ``share`` is the time, or the progress over the held speed, that the rewards count for this step [s].
+    ``share`` is the time, or the progress over the held speed, that the rewards count for this step [s]. Returns the
+    quality of the smoothness, by which a task may multiply its own.
     """
     torque, acceleration = channels[_TORQUE], channels[_ACCELERATION]
     begun = memory[_BEGUN] > 0.0
@@ -119,7 +120,8 @@ def evaluate_common(channels, step, share, memory, rewards, costs, metrics):
         memory[_LAST_ACCELERATION] = acceleration
     memory[_BEGUN] = 1.0
     rewards.effort += share * quality(step.action / ACTION_SCALE)
-    rewards.smoothness += share * quality(_rms_rate(step, memory) / RATE_SCALE)
+    smoothness = quality(_rms_rate(step, memory) / RATE_SCALE)
+    rewards.smoothness += share * smoothness
     rewards.ripple += share * quality(ripple / RIPPLE_SCALE)
     metrics.peak_lateral_acceleration = acceleration
     metrics.peak_sideslip = sideslip
@@ -127,3 +129,4 @@ def evaluate_common(channels, step, share, memory, rewards, costs, metrics):
     metrics.rms_handwheel_speed = channels[_SPEED]
     metrics.steering_work = abs(torque * channels[_SPEED]) * step.dt
     metrics.rms_ripple = ripple
+    return smoothness
