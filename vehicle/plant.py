@@ -36,6 +36,7 @@ from steer_env.vehicle.chassis.common.interface import (
     Names,
 )
 from steer_env.vehicle.layout import layout, layout_of, size_of, states
+from steer_env.vehicle.road import alike
 from steer_env.vehicle.steering import column, eps
 from steer_env.vehicle.steering.assist import functions
 from steer_env.vehicle.steering.assist.functions import Signals
@@ -71,7 +72,6 @@ CHANNEL = {name: i for i, (name, _) in enumerate(CHANNELS)}
 
 STEPS_PER_CHASSIS_STEP = 2  # column steps for each evaluation of the chassis
 CHASSIS_STEP = STEPS_PER_CHASSIS_STEP * SAMPLE_TIME  # [s]
-SETTLING = 20  # samples from the balance of the chassis to that of what the plant keeps of the last steps
 STOP_STIFFNESS = 2e6  # of the end stops of the rack, assumed [N/m]
 
 
@@ -350,25 +350,36 @@ def initial_state(p: Plant) -> NDArray[np.float64]:
     return settled(p)[0]
 
 
-def held_speed(p: Plant) -> float:
-    """The speed at which a plant starts [m/s]."""
+def begun(p: Plant, begin: Callable = begin) -> NDArray[np.float64]:
+    """State (S,) of straight running in balance, without what the plant keeps of the last steps."""
     state = np.zeros(size_of(p))
     begin(p, state)
-    return float(plain(chassis.chassis_of(p.chassis).speed)(p.chassis, state[layout_of(p).chassis :]))
+    return state
+
+
+def held_speed(p: Plant) -> float:
+    """The speed at which a plant starts [m/s]."""
+    kind = chassis.chassis_of(p.chassis)
+    return float(plain(kind.speed)(p.chassis, begun(p)[layout_of(p).chassis :]))
+
+
+def settling(p: Plant) -> int:
+    """Samples from the balance of the chassis to that of what the plant keeps of the last steps.
+
+    On a road whose sides are not alike the chassis does not begin in balance, and runs straight for five seconds.
+    """
+    road = getattr(p.chassis, "road", None)
+    return 20 if road is None or alike(road) else 5000
 
 
 def settled(p: Plant, run: Callable = run, begin: Callable = begin) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """State (S,) of straight running, as :func:`initial_state`, and its channels (C,).
 
-    The chassis begins in balance on a level road, and runs straight until what the plant keeps of the last steps is
-    that of the balance: some milliseconds, and on a road with banks, tracks or heights for five seconds.
     ``run`` and ``begin`` have the effect of :func:`run` and :func:`begin`.
     """
-    kind, at = chassis.chassis_of(p.chassis), layout_of(p)
-    state = np.zeros(size_of(p))
-    begin(p, state)
+    kind, at, state = chassis.chassis_of(p.chassis), layout_of(p), begun(p, begin)
     row = np.zeros((1, len(channels(p))))
-    run(p, state, np.zeros((SETTLING, len(INPUTS))), row, 1)
+    run(p, state, np.zeros((settling(p), len(INPUTS))), row, 1)
     for i, (name, _) in enumerate(kind.states):
         if name in ("x", "y", "distance"):
             state[at.chassis + i] = 0.0

@@ -11,7 +11,7 @@ from steer_env.vehicle.chassis.two_track import PITCH, ROLL, TRAVEL, TRAVEL_RATE
 from steer_env.vehicle.constants import GRAVITY as G
 from steer_env.vehicle.suspension.macpherson import load_coefficients
 from tests.vehicle.test_single_track import code as single_track_code
-from tests.vehicle.test_two_track import OUT, changed, code, energy, inputs, random_state, tossed
+from tests.vehicle.test_two_track import OUT, changed, code, energy, inputs, random_state, straight, tossed
 
 CAR = cars.load()
 C = CAR.chassis
@@ -43,7 +43,7 @@ def settled(p, x, rack):
 def test_parked_from_straight_ahead_to_lock_two_track():
     """Weight of body and wheels, springs, anti-roll bars, bump stops and tyres store the work of the rack."""
     p = bare()
-    x, u = np.array(two_track.start(p.chassis)), inputs(1, coast=1.0)[0]
+    x, u = straight(p), inputs(1, coast=1.0)[0]
     x[:6], x[two_track.OMEGA : two_track.OMEGA + 4] = 0.0, 0.0
     force, stored = [], []
     for rack in RACK:
@@ -101,7 +101,7 @@ def test_slope_of_the_energy_single_track(roll):
 def test_rack_force_jumps_where_a_braked_wheel_locks():
     """The brake gives its capacity while the wheel turns, and what the road gives once it rests."""
     p, u = CAR.plant(speed=20.0, chassis="two_track"), inputs(1, coast=1.0, brake=1.0)[0]
-    x = np.array(two_track.start(p.chassis))
+    x = straight(p)
     x[two_track.KAPPA : two_track.KAPPA + 4], rack = -1.0, 0.01
     force, out = [], np.zeros(0)
     for omega in (1e-9, 0.0):

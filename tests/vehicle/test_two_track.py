@@ -76,6 +76,13 @@ def make(speed=100.0 * KPH, law="lugre", robot=True, **rest):
     return CAR.plant(law, speed=speed, robot=robot, chassis="two_track", **rest)
 
 
+def straight(p):
+    """States of straight running in balance."""
+    x = np.zeros(len(STATES))
+    two_track.begin(p.chassis, p.strut, p.tyre[0], x)
+    return x
+
+
 def changed(p, **values):
     """The plant with changed numbers of the body."""
     body = p.chassis.body.copy()
@@ -131,7 +138,7 @@ def ramp(angle, n, seconds=1.0):
 
 def random_state(rng, v=25.0, size=1.0):
     """A state near straight running, with every entry disturbed."""
-    x = np.array(two_track.start(make(v).chassis))
+    x = straight(make(v))
     x[:6] += size * rng.uniform(-1.0, 1.0, 6) * [2.0, 1.0, 0.3, 0.3, 0.3, 0.3]
     x[ROLL:TRAVEL] += size * rng.uniform(-1.0, 1.0, 6) * [0.01, 0.01, 2.0, 5.0, 5.0, 0.005]
     x[TRAVEL:TRAVEL_RATE] += size * rng.uniform(-0.012, 0.012, 4)
@@ -503,7 +510,7 @@ def derivatives():
     for v in (20.0, 0.0):
         p = make(v)
         for _ in range(3):
-            x = np.array(two_track.start(p.chassis))
+            x = straight(p)
             x[:6] += rng.normal(size=6) * 0.1
             x[TRAVEL : TRAVEL + 24] += rng.normal(size=24) * 0.01
             rows.append(np.concatenate(code(p, x, 0.01, 0.1)[:2]))

@@ -83,5 +83,5 @@ def subsystem(p: plant.Plant) -> Subsystem:
         shown=shown,
         zero_states=tuple(first + i for i in positions),
         zero_outputs=(plant.CHANNEL["x"], plant.CHANNEL["y"]),
-        settling=plant.SETTLING,
+        settling=plant.settling(p),
     )

@@ -131,7 +131,8 @@ def drive_two_track(
         return np.append(dx, manoeuvre.speed - x[two_track.U])
 
     times = sample_times(manoeuvre, dt)
-    start = [*two_track.start(car), 0.0]
+    start = np.zeros(size + 1)
+    two_track.begin(car, strut, tyre, start[:size])
     start[two_track.SHIFT_TIME] = -1.0  # engaged, however the solver rounds
     run = solve_ivp(
         derivative,

@@ -60,7 +60,7 @@ def solve(J, r, n):
 
 @kernel
 def balance(p, strut, tyre, x, unknowns, n, dx, out):
-    """Bring the first ``n`` unknowns of ``x`` to balance; whether that was found. ``dx`` and ``out`` are overwritten."""
+    """Bring the first ``n`` unknowns of ``x`` to balance; whether it was found. ``dx`` and ``out`` are overwritten."""
     J, r, u = scratch.floats(_MATRIX), scratch.floats(MOST), scratch.floats(_INPUTS)
     for i in range(_INPUTS):
         u[i] = 0.0
