@@ -1,6 +1,7 @@
 """Straight running in balance: Newton's method on states whose rates vanish there.
 
-Left and right are one unknown each time, so that the car stays exactly symmetric.
+Left and right are one unknown each time, whose rate is the mean of both: a mirrored car on a mirrored road begins
+mirrored, to the bit, and one whose sides are alike is exactly symmetric.
 """
 
 from typing import NamedTuple
@@ -16,13 +17,14 @@ CLOSE = 1e-6  # change of every unknown, over its step, at which it is found [1]
 
 
 class Unknowns(NamedTuple):
-    """Unknown states, the mirrored ones, their signs there, the states whose rates vanish, and steps of differences."""
+    """Unknown states, and the states whose rates vanish, each with the one on the other side and the sign there."""
 
     at: tuple[int, ...]
     mirrored: tuple[int, ...]
     signs: tuple[float, ...]
     rates: tuple[int, ...]
-    steps: tuple[float, ...]
+    mirrored_rates: tuple[int, ...]
+    steps: tuple[float, ...]  # of the differences that make the derivatives
 
 
 @kernel
@@ -30,6 +32,11 @@ def _move(at, mirrored, signs, x, j, change):
     x[at[j]] += change
     if mirrored[j] != at[j]:
         x[mirrored[j]] = signs[j] * x[at[j]]
+
+
+@kernel
+def _rate(unknowns, dx, i):
+    return 0.5 * (dx[unknowns.rates[i]] + unknowns.signs[i] * dx[unknowns.mirrored_rates[i]])
 
 
 @kernel
@@ -67,14 +74,14 @@ def balance(p, strut, tyre, x, unknowns, n, dx, out):
     for _ in range(ITERATIONS):
         derivative(p, strut, tyre, x, 0.0, 0.0, u, dx, out)
         for i in range(n):
-            r[i] = -dx[unknowns.rates[i]]
+            r[i] = -_rate(unknowns, dx, i)
         for j in range(n):
             h, kept, other = unknowns.steps[j], x[unknowns.at[j]], x[unknowns.mirrored[j]]
             _move(unknowns.at, unknowns.mirrored, unknowns.signs, x, j, h)
             derivative(p, strut, tyre, x, 0.0, 0.0, u, dx, out)
             x[unknowns.mirrored[j]], x[unknowns.at[j]] = other, kept
             for i in range(n):
-                J[MOST * i + j] = (dx[unknowns.rates[i]] + r[i]) / h
+                J[MOST * i + j] = (_rate(unknowns, dx, i) + r[i]) / h
         if not solve(J, r, n):
             return False
         far = False

@@ -138,6 +138,10 @@ _UNKNOWNS = Unknowns(
     ),
     signs=(1.0,) * 9 + (-1.0, -1.0, 1.0),
     rates=(Q, W, TRAVEL_RATE, TRAVEL_RATE + 2, Z, OMEGA, OMEGA + 2, KAPPA, KAPPA + 2, TAN_ALPHA, TAN_ALPHA + 2, U),
+    mirrored_rates=(
+        *(Q, W, TRAVEL_RATE + 1, TRAVEL_RATE + 3, Z, OMEGA + 1, OMEGA + 3),
+        *(KAPPA + 1, KAPPA + 3, TAN_ALPHA + 1, TAN_ALPHA + 3, U),
+    ),
     steps=(1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-5, 1e-5, 1e-7, 1e-7, 1e-7, 1e-7, 1e-6),
 )
 _STANDING, _ROLLING, _HOLDING = 4, 11, 12
