@@ -38,6 +38,8 @@ from steer_env.vehicle.chassis.two_track import (
     TRAVEL_RATE,
     WHEELS,
     YAW,
+    W,
+    Z,
 )
 from steer_env.vehicle.constants import GRAVITY as G
 from steer_env.vehicle.plant import HAND, HAND_SPEED
@@ -137,8 +139,10 @@ def ramp(angle, n, seconds=1.0):
 
 
 def random_state(rng, v=25.0, size=1.0):
-    """A state near straight running, with every entry disturbed."""
+    """A state near straight running in the design position, with every entry disturbed."""
     x = straight(make(v))
+    x[W] = x[PITCH] = 0.0
+    x[TRAVEL:TRAVEL_RATE], x[Z] = 0.0, D.h
     x[:6] += size * rng.uniform(-1.0, 1.0, 6) * [2.0, 1.0, 0.3, 0.3, 0.3, 0.3]
     x[ROLL:TRAVEL] += size * rng.uniform(-1.0, 1.0, 6) * [0.01, 0.01, 2.0, 5.0, 5.0, 0.005]
     x[TRAVEL:TRAVEL_RATE] += size * rng.uniform(-0.012, 0.012, 4)
@@ -484,7 +488,7 @@ def test_roll_and_load_transfer_by_closed_form(circle):
 def test_pitch_under_drive_and_braking_by_closed_form(pedal, throttle):
     """Load transfer m a h/L; pitch from springs and tyres, less the part that the brakes support (anti-dive)."""
     p = make(120.0 * KPH if pedal else 10.0)
-    record, state = run(p, inputs(3000, coast=1.0, brake=pedal, throttle=throttle), last=True)
+    record, state = run(p, inputs(4000, coast=1.0, brake=pedal, throttle=throttle), last=True)
     row, x = record[0], state[CHASSIS]
     loads, phi = each(row, "wheel_load"), at(row, "pitch_angle")
     u = inputs(1, coast=1.0, brake=pedal, throttle=throttle)[0]
@@ -626,7 +630,7 @@ def errors(p, u, substeps, state=None):
 
 
 # Largest error of the motor torque in % of its peak: at 3 N m the boost multiplies that of the torsion bar by five.
-STEEP = 0.035
+STEEP = 0.036
 
 
 def test_weave_against_scipy():
