@@ -1,6 +1,7 @@
 """Archives from outside, which may be damaged."""
 
 import errno
+import lzma
 import struct
 import zipfile
 import zlib
@@ -9,7 +10,16 @@ from contextlib import contextmanager
 from pathlib import Path
 
 # What zipfile raises at archives that were cut or changed: beside its own error those of what it is made of.
-_DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, OverflowError, RuntimeError, struct.error)
+_DAMAGED = (
+    zipfile.BadZipFile,
+    zlib.error,
+    lzma.LZMAError,
+    EOFError,
+    NotImplementedError,
+    OverflowError,
+    RuntimeError,
+    struct.error,
+)
 
 
 class DamagedError(ValueError):
@@ -27,6 +37,7 @@ def opened(path: Path, kind: str) -> Iterator[zipfile.ZipFile]:
             with zipfile.ZipFile(file) as archive:
                 yield archive
         except (*_DAMAGED, UnicodeError, OSError) as error:
-            if isinstance(error, OSError) and error.errno != errno.EINVAL:  # that of a place which no file has
+            # EINVAL is that of a place which no file has, and bzip2 gives no number.
+            if isinstance(error, OSError) and error.errno not in (errno.EINVAL, None):
                 raise
             raise DamagedError(f"{path} is no {kind}, which is a zip archive, or it is damaged: {error}") from None

@@ -148,12 +148,13 @@ TASK = register(
         draw_setup=_draw_setup,
         draw_scenario=_draw_scenario,
         begins=(
-            "An episode is that of AssistWeave, AssistRelease, AssistParking or AssistLaneChange, each as likely as "
-            "the others, with their courses and motions. The held speed is drawn with it: {:g} to {:g} km/h in weave "
-            "and release, where handwheel angles shrink above 100 km/h, standing in parking, and {:g} to "
-            "{:g} km/h in the lane change."
+            "An episode is that of AssistWeave, AssistParking or AssistLaneChange, with their courses and motions, or "
+            f"a release: a robot turns the handwheel to {LOW:g} to {HIGH:g} rad, left or right, within {RISE:g} s and "
+            f"lets go after {RELEASE_TIME:g} s. Each is as likely as the others. The held speed is drawn with it: "
+            "{:g} to {:g} km/h in weave and release, where handwheel angles shrink above 100 km/h, standing in "
+            "parking, and {:g} to {:g} km/h in the lane change."
         ).format(*SPEEDS[WEAVE], *SPEEDS[LANE_CHANGE]),
-        ends="The episode ends as that of the task that is drawn.",
+        ends=f"The episode ends as that of the task that is drawn, and that of a release {FREE:g} s after it.",
         speed=100.0 / 3.6,
         speed_range=(0.0, 70.0),
         scripted_inputs=scripted.HANDS,

@@ -198,6 +198,19 @@ def test_a_damaged_unit_is_refused_or_whole(vehicle):
     assert refused > 80
 
 
+@pytest.mark.parametrize("method", [zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+def test_a_description_that_does_not_unpack_is_refused(vehicle, method):
+    unit = vehicle.with_name("foreign.fmu")
+    with zipfile.ZipFile(unit, "w", method) as archive:
+        archive.writestr("modelDescription.xml", foreign.description())
+    data = bytearray(unit.read_bytes())
+    start = 30 + len("modelDescription.xml")
+    data[start : start + 12] = b"\xff" * 12
+    unit.write_bytes(data)
+    with pytest.raises(ValueError, match=f"{re.escape(str(unit))} is no FMU, which is a zip archive, or it is damaged"):
+        FmuVehicle(vehicle)
+
+
 def test_a_lateral_acceleration_that_stays_zero_is_refused(vehicle):
     """As an integrator's first unit has it."""
 
