@@ -123,7 +123,7 @@ class SteerEnv(PlainSpecification, gym.Env):
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Start an episode; ``options`` fix what would be drawn."""
         super().reset(seed=None if seed is None else whole("seed", seed, 0))
-        self.batch.start(0, self.np_random, options or {})
+        self.batch.start([0], [self.np_random], options or {})
         if self._renderer is not None:
             self._renderer.start()
         return self._observation.copy(), self._infos.of_first(0.0, 0)

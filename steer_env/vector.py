@@ -110,14 +110,13 @@ class SteerVectorEnv(PlainSpecification, VectorEnv):
         # A sub-environment that a first reset leaves out is seeded as well, so that its later beginning is known.
         new = mask | (self.batch.episodes["end"] == 0)
         self._seed([each if is_new else None for each, is_new in zip(seeds, new.tolist())])
-        for i in np.flatnonzero(mask).tolist():
-            self._start(i, chosen)
+        self._start(np.flatnonzero(mask).tolist(), chosen)
         return self.batch.arrays.observations.copy(), self._infos.of_all(mask.copy())
 
-    def _start(self, i: int, options: dict[str, Any]) -> None:
-        """Start an episode in a sub-environment."""
-        self.batch.start(i, self._generators[i], options)
-        if self._renderers:
+    def _start(self, rows: list[int], options: dict[str, Any]) -> None:
+        """Start an episode in some sub-environments."""
+        self.batch.start(rows, self._generators, options)
+        for i in rows if self._renderers else ():
             self._renderers[i].start()
 
     def step(
@@ -139,8 +138,7 @@ class SteerVectorEnv(PlainSpecification, VectorEnv):
         if ended and (mode == AutoresetMode.DISABLED or not batch.episodes["end"].any()):
             raise RuntimeError("an episode is over or has not begun: call reset")
         batch.step(actions[:, 0], self._generators)
-        for i in ended:  # NEXT_STEP: this step resets, whatever the action was
-            self._start(i, {})
+        self._start(ended, {})  # NEXT_STEP: this step resets, whatever the action was
         for i in np.flatnonzero(~over).tolist() if self._renderers else ():
             self._renderers[i].add()
         rewards, terminated, truncated = (batch.episodes[key].copy() for key in ("reward", "terminated", "truncated"))
@@ -155,9 +153,10 @@ class SteerVectorEnv(PlainSpecification, VectorEnv):
     def _ended(self, done: NDArray[np.bool_], last: dict[str, Any]) -> dict[str, Any]:
         """Reset the sub-environments whose episodes are done; their info, with the last one of those episodes in it."""
         observations = np.full(self.num_envs, None, object)
-        for i in np.flatnonzero(done).tolist():
+        rows = np.flatnonzero(done).tolist()
+        for i in rows:
             observations[i] = self.batch.arrays.observations[i].copy()
-            self._start(i, {})
+        self._start(rows, {})
         return self._infos.of_all() | {
             "final_obs": observations,
             "_final_obs": done.copy(),

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.friction.level import Level, scales
+from steer_env.friction.numerics import scratch
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.interpolation import hermite
 from steer_env.friction.numerics.kernel import kernel, part, plain
@@ -36,7 +37,6 @@ from steer_env.vehicle.chassis.common.interface import (
     Names,
 )
 from steer_env.vehicle.layout import layout, layout_of, size_of, states
-from steer_env.vehicle.road import alike
 from steer_env.vehicle.steering import column, eps
 from steer_env.vehicle.steering.assist import functions
 from steer_env.vehicle.steering.assist.functions import Signals
@@ -72,6 +72,8 @@ CHANNEL = {name: i for i, (name, _) in enumerate(CHANNELS)}
 
 STEPS_PER_CHASSIS_STEP = 2  # column steps for each evaluation of the chassis
 CHASSIS_STEP = STEPS_PER_CHASSIS_STEP * SAMPLE_TIME  # [s]
+_INPUTS = len(INPUTS)
+SETTLING = 2 * STEPS_PER_CHASSIS_STEP  # samples
 STOP_STIFFNESS = 2e6  # of the end stops of the rack, assumed [N/m]
 
 
@@ -240,11 +242,20 @@ def report_chassis(p, state, u, row):
 
 @kernel
 def begin(p, state):
-    """Write the state of straight running in balance; :func:`settled` completes it."""
+    """Write the state of straight running in balance; how many samples of it complete what is kept of the last steps.
+
+    A car that does not run straight there, as on a road whose sides are not alike, is given five seconds.
+    """
     at = layout(p)
     for i in range(state.size):
         state[i] = 0.0
-    chassis.begin(p.chassis, p.strut, p.tyre[0], state[at.chassis : at.rate])
+    straight = chassis.begin(p.chassis, p.strut, p.tyre[0], state[at.chassis : at.rate])
+    u = scratch.floats(_INPUTS)
+    for i in range(u.size):
+        u[i] = 0.0
+    for _ in range(2):  # the last evaluation and the one before
+        evaluate(p, state, u)
+    return SETTLING if straight else 250 * SETTLING
 
 
 @kernel
@@ -322,9 +333,10 @@ def run_rows(template, rows, states, inputs, channels, finite, low, high):
 
 
 @kernel
-def begin_row(template, row, state):
-    """As :func:`begin`, of a plant by its numbers (1, K) as in :func:`run_rows`."""
-    begin(of_row(template, row, 0), state)
+def begin_rows(template, rows, states, samples, low, high):
+    """As :func:`begin`, of the plants of :func:`run_rows`, with the results in ``samples`` (N,)."""
+    for i in range(low, high):
+        samples[i] = begin(of_row(template, rows, i), states[i])
 
 
 def reported(p: Plant, state: NDArray[np.float64], u: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -350,41 +362,29 @@ def initial_state(p: Plant) -> NDArray[np.float64]:
     return settled(p)[0]
 
 
-def begun(p: Plant, begin: Callable = begin) -> NDArray[np.float64]:
-    """State (S,) of straight running in balance, without what the plant keeps of the last steps."""
-    state = np.zeros(size_of(p))
-    begin(p, state)
-    return state
-
-
 def held_speed(p: Plant) -> float:
     """The speed at which a plant starts [m/s]."""
-    kind = chassis.chassis_of(p.chassis)
-    return float(plain(kind.speed)(p.chassis, begun(p)[layout_of(p).chassis :]))
+    state = np.zeros(size_of(p))
+    begin(p, state)
+    return float(plain(chassis.chassis_of(p.chassis).speed)(p.chassis, state[layout_of(p).chassis :]))
 
 
-def settling(p: Plant) -> int:
-    """Samples from the balance of the chassis to that of what the plant keeps of the last steps.
-
-    On a road whose sides are not alike the chassis does not begin in balance, and runs straight for five seconds.
-    """
-    road = getattr(p.chassis, "road", None)
-    return 20 if road is None or alike(road) else 5000
-
-
-def settled(p: Plant, run: Callable = run, begin: Callable = begin) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def settled(p: Plant, run: Callable = run) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """State (S,) of straight running, as :func:`initial_state`, and its channels (C,).
 
-    ``run`` and ``begin`` have the effect of :func:`run` and :func:`begin`.
+    ``run`` has the effect of :func:`run`.
     """
-    kind, at, state = chassis.chassis_of(p.chassis), layout_of(p), begun(p, begin)
-    row = np.zeros((1, len(channels(p))))
-    run(p, state, np.zeros((settling(p), len(INPUTS))), row, 1)
-    for i, (name, _) in enumerate(kind.states):
-        if name in ("x", "y", "distance"):
-            state[at.chassis + i] = 0.0
-    row[0, [CHANNEL["x"], CHANNEL["y"]]] = 0.0
+    state, row = np.zeros(size_of(p)), np.zeros((1, len(channels(p))))
+    run(p, state, np.zeros((begin(p, state), len(INPUTS))), row, 1)
+    start_line(p, state[None], row)
     return state, row[0]
+
+
+def start_line(p: Plant, states: NDArray[np.float64], rows: NDArray[np.float64]) -> None:
+    """Set the position to zero in states (N, S) and channels (N, C) of plants of one kind."""
+    kind, at = chassis.chassis_of(p.chassis), layout_of(p)
+    states[:, [at.chassis + i for i, (name, _) in enumerate(kind.states) if name in ("x", "y", "distance")]] = 0.0
+    rows[:, [CHANNEL["x"], CHANNEL["y"]]] = 0.0
 
 
 def state_name(p: Plant, index: int) -> str:

@@ -37,9 +37,6 @@ LOWEST_WAVE_NUMBER, HIGHEST_WAVE_NUMBER = 0.01, 10.0  # [cycle/m]
 LEVEL_START, RUN_IN = 5.0, 20.0  # at either end of a random road: exactly level, then rising to full height [m]
 
 
-AROUND = 5.0  # before and behind a car at its start, further than its wheels [m]
-
-
 @packing.shared
 class Road(NamedTuple):
     """Road as the kernels take it; the functions below make and check it. Rows of arrays: left, right."""
@@ -239,16 +236,6 @@ def iso8608(
     ramp = np.clip((np.minimum(s, size * spacing - s) - LEVEL_START) / RUN_IN, 0.0, 1.0)
     heights = np.sin(0.5 * np.pi * ramp) ** 2 * np.array([half_sum + half_difference, half_sum - half_difference])
     return make_road(heights=heights, friction=friction, spacing=spacing, grade=grade, bank=bank)
-
-
-def alike(road: Road | WheelRoad) -> bool:
-    """Whether both sides of a road are alike where a car starts, and it has no bank: so that the car runs straight."""
-    if isinstance(road, WheelRoad):
-        left, right = ([value for key, value in road._asdict().items() if side in key] for side in ("left", "right"))
-        return left == right
-    near = math.ceil(AROUND / road.spacing)
-    tracks = (np.concatenate([rows[:, -near:], rows[:, : near + 1]], axis=1) for rows in (road.heights, road.friction))
-    return road.bank == 0.0 and all(np.array_equal(left, right) for left, right in tracks)
 
 
 _MAKERS = {make.__name__: make for make in (make_road, flat, bump, iso8608)}

@@ -86,29 +86,31 @@ class Packed(NamedTuple):
 
 def pack(parameters: Any) -> Packed:
     """All numbers and all tables of the parameters, in the order of :func:`leaves`."""
-    found: tuple[list[Array], list[Array]] = [np.zeros(0)], [np.zeros(0)]
+    found: tuple[list[float], list[float]] = [], []
     _collect(parameters, *found)
-    return Packed(*map(np.concatenate, found))
+    return Packed(*map(np.array, found))
 
 
 def numbers(parameters: Any) -> Array:
     """The numbers alone (N,), as a reset needs them."""
-    found = [np.zeros(0)]
-    _collect(parameters, found, [])
-    return np.concatenate(found)
+    found: list[float] = []
+    _collect(parameters, found, None)
+    return np.array(found)
 
 
-def _collect(value: Any, numbers: list[Array], tables: list[Array]) -> None:
+def _collect(value: Any, numbers: list[float], tables: list[float] | None) -> None:
     """As :func:`leaves`, without the paths, which take most of its time."""
     if isinstance(value, tuple):
         if type(value) in _shared:
+            if tables is None:
+                return
             numbers = tables
         for member in value:
             _collect(member, numbers, tables)
     elif isinstance(value, np.ndarray):
-        numbers.append(np.ascontiguousarray(value).view(np.float64).ravel())
+        numbers += np.ascontiguousarray(value).view(np.float64).ravel().tolist()
     else:
-        numbers.append(np.array([float(value)]))
+        numbers.append(float(value))
 
 
 def slices(parameters: Any) -> dict[str, slice]:

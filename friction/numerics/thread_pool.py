@@ -11,8 +11,6 @@ from functools import cache
 from itertools import pairwise
 from typing import Any
 
-import numpy as np
-
 THREADS = "STEER_ENV_THREADS"  # environment variable: the most threads of a vector environment by default
 
 
@@ -42,31 +40,26 @@ def _libraries() -> Any:
 
 
 class ThreadPool:
-    """Runs work on slices of ``n`` rows in ``threads`` threads, each of which takes up to ``at_once`` rows at a time.
+    """Runs work on slices of rows in ``threads`` threads, each of which takes up to ``at_once`` rows at a time.
 
     The threads belong to the process that started them; after a fork the child starts its own.
     """
 
-    def __init__(self, n: int, threads: int, at_once: int) -> None:
-        slices = min(threads, n)
-        edges = np.linspace(0, n, slices + 1).round().astype(int).tolist()
-        self._slices = [list(pairwise([*range(low, high, at_once), high])) for low, high in pairwise(edges)]
+    def __init__(self, threads: int, at_once: int) -> None:
+        self._threads, self._at_once = threads, at_once
         self._executor: ThreadPoolExecutor | None = None
         self._process = 0
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_executor": None, "_process": 0}  # a copy starts threads of its own
 
-    def run(self, work: Callable[[int, int], None]) -> None:
-        """Call ``work(low, high)`` until all rows are done; the calling thread takes the first slice."""
-        if len(self._slices) == 1:
-            _through(self._slices[0], work)
-            return
-        if self._process != os.getpid():  # threads do not survive a fork
-            self._executor, self._process = ThreadPoolExecutor(len(self._slices) - 1), os.getpid()
-        assert self._executor is not None
-        others = [self._executor.submit(_through, ranges, work) for ranges in self._slices[1:]]
-        _through(self._slices[0], work)
+    def run(self, n: int, work: Callable[[int, int], None]) -> None:
+        """Call ``work(low, high)`` until all ``n`` rows are done; the calling thread takes the first slice."""
+        first, *rest = _slices(n, self._threads, self._at_once)
+        if rest and self._process != os.getpid():  # threads do not survive a fork
+            self._executor, self._process = ThreadPoolExecutor(self._threads - 1), os.getpid()
+        others = [self._executor.submit(_through, ranges, work) for ranges in rest if self._executor]
+        _through(first, work)
         for other in others:
             other.result()
 
@@ -75,6 +68,13 @@ class ThreadPool:
         if self._executor is not None and self._process == os.getpid():
             self._executor.shutdown()
         self._executor, self._process = None, 0
+
+
+@cache
+def _slices(n: int, threads: int, at_once: int) -> list[list[tuple[int, int]]]:
+    """Ranges of rows for each of at most so many threads."""
+    edges = [n * k // min(threads, n) for k in range(min(threads, n) + 1)]
+    return [list(pairwise([*range(low, high, at_once), high])) for low, high in pairwise(edges)]
 
 
 def _through(ranges: Iterable[tuple[int, int]], work: Callable[[int, int], None]) -> None:

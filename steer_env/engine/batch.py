@@ -154,18 +154,19 @@ class EnvironmentBatch:
         self.condition_values[:, : len(self._randomise.names)] = usual.values(self._randomise.names)
         self.noise = SensorNoise(n, np.array([SENSOR_NOISE.get(quantity.name, 0.0) for quantity in self.observed]))
         self._bind()
-        self._usual_start = self._settled(template)
+        self._pool = ThreadPool(whole("threads", threads, 1), ROWS_AT_ONCE)
+        own = numbers(template)
+        self._usual_start = (own, *(rows[0] for rows in self._settled(own[None])))
         self.drivers = (
             drivers.DriverBatch(self.driver, self.car, n, self.steering_response, usual) if self.driver else None
         )
-        self._pool = ThreadPool(n, whole("threads", threads, 1), ROWS_AT_ONCE)
 
     def _bind(self) -> None:
         """Look up the compiled kernels for the types of the arrays."""
         a, at = self.arrays, self._layout
         self._outline = outline(self._template)
         self._advance = bind(advance, a, at, self._outline, True, True, 0, self.n)
-        self._begin = bind(plant.begin_row, self._outline, a.plants, a.states[0])
+        self._begin = bind(plant.begin_rows, self._outline, a.plants, a.states, np.zeros(self.n, int), 0, self.n)
         self._evaluate = bind(evaluate, a, self._scores, at, self.task.parameters, 0, True, 0, self.n)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -205,14 +206,27 @@ class EnvironmentBatch:
 
         return run
 
-    def _beginner(self, own: Array) -> Callable[..., None]:
-        """Begins the plant of these numbers as :func:`steer_env.vehicle.plant.begin` does, by a kernel of the batch."""
-        return lambda _, state: self._begin(self._outline, own[None], state)
+    def _settled(self, plants: Array) -> tuple[Array, Array]:
+        """States (K, S) and channels (K, C) of plants, by their numbers (K, N), as ``plant.settled`` gives them."""
+        k, given = len(plants), self.arrays
+        a = given._replace(
+            plants=plants,
+            states=np.zeros((k, given.states.shape[1])),
+            inputs=np.zeros((k, plant.SETTLING, given.inputs.shape[2])),
+            channels=np.zeros((k, given.channels.shape[1])),
+            finite=np.ones(k, bool),
+        )
+        samples = np.zeros(k, int)
 
-    def _settled(self, p: plant.Plant) -> tuple[Array, Array, Array]:
-        """Numbers, settled state and channels of a plant."""
-        own = numbers(p)
-        return (own, *plant.settled(p, self._runner(own), self._beginner(own)))
+        def settle(low: int, high: int) -> None:
+            self._begin(self._outline, a.plants, a.states, samples, low, high)
+            for i in range(low, high):
+                for _ in range(samples[i] // plant.SETTLING):
+                    self._advance(a, self._layout, self._outline, False, False, i, i + 1)
+
+        self._pool.run(k, settle)
+        plant.start_line(self._template, a.states, a.channels)
+        return a.states, a.channels
 
     @property
     def usual_conditions(self) -> Conditions:
@@ -227,10 +241,36 @@ class EnvironmentBatch:
         p = self._plant(conditions, robot=True)
         return sine_response(p, amplitude, frequency, self._runner(numbers(p)))
 
-    def start(self, i: int, rng: np.random.Generator, options: Mapping[str, Any]) -> None:
-        """Begin an episode in row ``i``; ``options`` fix what would be drawn. ValueError for an unknown option."""
+    def start(self, rows: Sequence[int], generators: Sequence[np.random.Generator], options: Mapping[str, Any]) -> None:
+        """Begin an episode in each of the ``rows``, with draws from its own of the ``generators``, one for every row.
+
+        ``options`` fix what would be drawn. ValueError for an unknown option.
+        """
+        _check_options(self.task, options)
+        begun = {i: self._draw(i, generators[i], options) for i in rows}
+        a, own = self.arrays, [i for i, (drawn, _) in begun.items() if not self._runs_as_usual(drawn)]
+        if own:
+            a.states[own], a.channels[own] = self._settled(a.plants[own])
+        for i, (drawn, pose) in begun.items():
+            a.states[i, self._pose_states] = a.channels[i, self._pose_channels] = pose
+            self.over[i] = False
+            self.set_conditions(i, drawn)
+            if self.drivers is not None and self.episodes["driven"][i]:
+                self.drivers.start(i, drawn)
+            a.noise[i] = self.noise.begin(i, drawn.sensor_noise, generators[i])
+            self._evaluate(a, self._scores, self._layout, self.task.parameters, 0, True, i, i + 1)
+            past = a.past_observations
+            past[i] = past[i, self.episodes["latest"][i]]  # a delayed observation shows the start until newer ones come
+            a.observations[i] = past[i, 0] / self.observation_scale
+
+    def _draw(
+        self, i: int, rng: np.random.Generator, options: Mapping[str, Any]
+    ) -> tuple[Conditions, tuple[float, float, float]]:
+        """Draw an episode for row ``i`` and store it: its conditions, and the pose at its start.
+
+        The state is stored where the car runs straight ahead as usual.
+        """
         task = self.task
-        _check_options(task, options)
         drawn = self._randomise.draw(rng, {key: value for key, value in options.items() if key in RANGES})
         own = {key: task.checked_option(key, value) for key, value in options.items() if key in task.options}
         scenario = 0
@@ -239,15 +279,7 @@ class EnvironmentBatch:
             drawn = drawn._replace(speed=speed)
         setup = task.draw_setup(rng, EpisodeContext(self.car, drawn.speed, scenario), own)
         self._store(i, setup, drawn)
-        self.over[i] = False
-        self.set_conditions(i, drawn)
-        if self.drivers is not None and self.episodes["driven"][i]:
-            self.drivers.start(i, drawn)
-        self.arrays.noise[i] = self.noise.begin(i, drawn.sensor_noise, rng)
-        self._evaluate(self.arrays, self._scores, self._layout, task.parameters, 0, True, i, i + 1)
-        past = self.arrays.past_observations
-        past[i] = past[i, self.episodes["latest"][i]]  # a delayed observation shows the start until newer ones come
-        self.arrays.observations[i] = past[i, 0] / self.observation_scale
+        return drawn, setup.pose
 
     def set_conditions(self, i: int, drawn: Conditions) -> None:
         """Note what was drawn for the episode of row ``i``."""
@@ -274,9 +306,12 @@ class EnvironmentBatch:
         self.arrays = a = stored(self.arrays, slice(i, i + 1), setups)
         robot = self.task.robot if setup.robot is None else setup.robot
         driven = self.driver is not None and not robot
-        a.plants[i], a.states[i], a.channels[i] = self._start_of(drawn, robot, driven)
-        a.states[i, self._pose_states] = setup.pose
-        a.channels[i, self._pose_channels] = setup.pose
+        if self._runs_as_usual(drawn):
+            a.plants[i], a.states[i], a.channels[i] = self._usual_start
+            if not drawn.same_plant(self._randomise.usual):  # friction does not act straight ahead
+                a.plants[i] = numbers(with_level(self._template._replace(friction=drawn.friction), drawn))
+        else:
+            a.plants[i] = numbers(self._plant(drawn, robot, self.driver if driven else None))
         episode = np.zeros((), EPISODE)
         episode["end"] = (len(setup.scripted_inputs) - 1) * SAMPLES_PER_UPDATE
         episode["release"] = -1 if setup.release_time is None else round(setup.release_time / SAMPLE_TIME)
@@ -289,14 +324,9 @@ class EnvironmentBatch:
         a.task_memory[i] = a.metrics[i] = a.terms[i] = 0.0
         a.finite[i] = True
 
-    def _start_of(self, drawn: Conditions, robot: bool, driven: bool) -> tuple[Array, Array, Array]:
-        usual = self._randomise.usual
-        if self.task.draw_scenario is None and drawn.same_motion(usual):
-            if drawn.same_plant(usual):
-                return self._usual_start
-            p = with_level(self._template._replace(friction=drawn.friction), drawn)
-            return (numbers(p), *self._usual_start[1:])  # friction does not act straight ahead
-        return self._settled(self._plant(drawn, robot, self.driver if driven else None))
+    def _runs_as_usual(self, drawn: Conditions) -> bool:
+        """Whether a car runs straight ahead as where nothing is drawn."""
+        return self.task.draw_scenario is None and drawn.same_motion(self._randomise.usual)
 
     def step(self, actions: NDArray[np.float32], generators: Sequence[np.random.Generator]) -> None:
         """Hold the clipped actions (n,) for ``control_dt`` in every row.
@@ -307,7 +337,7 @@ class EnvironmentBatch:
         self.arrays.actions[:] = actions
         if self.noise.noisy:
             self.noise.advance(~self.over, generators, self.arrays.noise)
-        self._pool.run(self._step_rows)
+        self._pool.run(self.n, self._step_rows)
 
     def _step_rows(self, low: int, high: int) -> None:
         a, last = self.arrays, self._rounds - 1

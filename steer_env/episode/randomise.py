@@ -6,6 +6,7 @@ What is not drawn is as in the car, unloaded on a dry road, with perfect sensors
 import math
 from collections.abc import Mapping, Sequence
 from itertools import product
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -35,6 +36,7 @@ RANGES = {
 }
 OF_MOTION = ("load", "road_friction", "speed")  # that change how a car runs straight ahead
 OF_FRICTION = ("friction_level", "friction_load", "friction_asymmetry", "friction_position")
+_of_motion, _of_friction = attrgetter(*OF_MOTION), attrgetter(*OF_FRICTION)
 LIMITS = {name: (low, high) for name, (low, high, _) in RANGES.items()}
 # Standard deviations of white noise at each control step, as good production sensors have; assumed [SI].
 SENSOR_NOISE = {
@@ -74,12 +76,11 @@ class Conditions(NamedTuple):
 
     def same_plant(self, other: "Conditions") -> bool:
         """Whether plant and start are those of other conditions of the same environment."""
-        same = all(getattr(self, key) == getattr(other, key) for key in OF_FRICTION)
-        return self.friction is other.friction and same and self.same_motion(other)
+        return self.friction is other.friction and _of_friction(self) == _of_friction(other) and self.same_motion(other)
 
     def same_motion(self, other: "Conditions") -> bool:
         """Whether the car runs straight ahead as in other conditions of the same environment."""
-        return all(getattr(self, key) == getattr(other, key) for key in OF_MOTION)
+        return bool(_of_motion(self) == _of_motion(other))
 
     def values(self, names: Sequence[str]) -> list[float]:
         """Values by name: keys of :data:`RANGES`, and ``friction_<parameter>`` of the law; NaN where there is none."""

@@ -28,6 +28,7 @@ from steer_env.tasks.common.terms import (
     evaluate_common,
 )
 
+MANOEUVRE = manoeuvres.make("weave")
 DURATION = 20.0  # [s]
 NOMINAL = math.radians(15.0)  # amplitude; some 2 m/s2 at 100 km/h on the compact car
 AMPLITUDES = 0.8 * NOMINAL, 1.2 * NOMINAL  # that are drawn [rad]
@@ -39,7 +40,7 @@ class Weave(NamedTuple):
 
 def _draw_setup(rng: np.random.Generator, context: EpisodeContext, options: Mapping[str, float]) -> EpisodeSetup:
     amplitude = TASK.draw_option(rng, options, "amplitude", *AMPLITUDES)
-    return EpisodeSetup(scripted.hand_motion(manoeuvres.make("weave"), amplitude, DURATION))
+    return EpisodeSetup(scripted.hand_motion(MANOEUVRE, amplitude, DURATION))
 
 
 @kernel

@@ -11,7 +11,7 @@ from tests.tools import audit
 from tests.tools.audit import Behaviour, Verdict
 from tests.tools.policy_search import Budget
 
-RELEASE, WEAVE = "steer_env/AssistRelease-v2", "steer_env/AssistWeave-v1"
+RELEASE, WEAVE = "steer_env/AssistRelease-v3", "steer_env/AssistWeave-v2"
 SMALL = Budget(rounds=1, candidates=2, best=1, episodes=1, steps=0)
 # A reward that pays for the return and does not mind how: the effort counts in proportion to it.
 RETURN_ALONE = {"goal": 0.0, "ripple": 0.0, "smoothness": 0.0, "effort": 1.0}

@@ -159,19 +159,19 @@ linear: Metrics of the linear car at 80 km/h, driven by our manoeuvres at 1 kHz,
   step-steer, lateral_acceleration: settling time              1.5e-03  <= 0.01  pass
 
 time: Environment steps relative to CartPole-v1, 1 ms of plant relative to LuGre's step alone, and the first step.
-  steer_env/AssistAllRound-v1, over CartPole-v1             2.4 x   <= 3 x     pass
-  steer_env/AssistLaneChange-v1, over CartPole-v1           1.8 x   <= 2 x     pass
-  steer_env/AssistLaneKeeping-v1, over CartPole-v1          1.8 x   <= 2 x     pass
-  steer_env/AssistParking-v1, over CartPole-v1              2.2 x   <= 3 x     pass
-  steer_env/AssistRelease-v2, over CartPole-v1              1.6 x   <= 2 x     pass
-  steer_env/AssistWeave-v1, over CartPole-v1                1.6 x   <= 1.85 x  pass
-  steer_env/DriverDoubleLaneChange-v1, over CartPole-v1     1.7 x   <= 2 x     pass
-  steer_env/DriverLaneKeeping-v1, over CartPole-v1          1.7 x   <= 2 x     pass
-  steer_env/DriverObstacleAvoidance-v1, over CartPole-v1    2.3 x   <= 3 x     pass
-  steer_env/DriverOnCentre-v1, over CartPole-v1             1.6 x   <= 2 x     pass
-  steer_env/DriverParking-v1, over CartPole-v1              2.2 x   <= 3 x     pass
-  steer_env/DriverWindingRoad-v1, over CartPole-v1          1.7 x   <= 2 x     pass
-  steer_env/AssistWeave-v1 without infos, over CartPole-v1  1.1 x   <= 1.2 x   pass
+  steer_env/AssistAllRound-v2, over CartPole-v1             2.4 x   <= 3 x     pass
+  steer_env/AssistLaneChange-v2, over CartPole-v1           1.8 x   <= 2 x     pass
+  steer_env/AssistLaneKeeping-v2, over CartPole-v1          1.8 x   <= 2 x     pass
+  steer_env/AssistParking-v2, over CartPole-v1              2.2 x   <= 3 x     pass
+  steer_env/AssistRelease-v3, over CartPole-v1              1.6 x   <= 2 x     pass
+  steer_env/AssistWeave-v2, over CartPole-v1                1.6 x   <= 1.85 x  pass
+  steer_env/DriverDoubleLaneChange-v2, over CartPole-v1     1.7 x   <= 2 x     pass
+  steer_env/DriverLaneKeeping-v2, over CartPole-v1          1.7 x   <= 2 x     pass
+  steer_env/DriverObstacleAvoidance-v2, over CartPole-v1    2.3 x   <= 3 x     pass
+  steer_env/DriverOnCentre-v2, over CartPole-v1             1.6 x   <= 2 x     pass
+  steer_env/DriverParking-v2, over CartPole-v1              2.2 x   <= 3 x     pass
+  steer_env/DriverWindingRoad-v2, over CartPole-v1          1.7 x   <= 2 x     pass
+  steer_env/AssistWeave-v2 without infos, over CartPole-v1  1.1 x   <= 1.2 x   pass
   1 ms on single_track, over LuGre alone                    2.3 x   <= 6 x     pass
   1 ms on single_track                                      283 ns  <= 700 ns  pass
   1 ms on two_track, over LuGre alone                       3.4 x   <= 10 x    pass
@@ -196,8 +196,8 @@ policies: Shipped policies on held-out episodes beside classical controllers on 
   feel error on stribeck below the boost table's                      69% at least        >= 50%    pass
   feel error on viscous below the boost table's                       66% at least        >= 50%    pass
   feel error less LQG's                                               0.023 to 0.044 N m  no limit  pass
-  conditions of the assist suite, AssistWeave-v1                      140 of 140          all       pass
-  conditions of the assist suite, AssistAllRound-v1                   188 of 188          all       pass
+  conditions of the assist suite, AssistWeave-v2                      140 of 140          all       pass
+  conditions of the assist suite, AssistAllRound-v2                   188 of 188          all       pass
   environment in PPO's wall time, 64 sub-environments                 16.1%               < 15%     FAIL
 """
 

@@ -32,7 +32,7 @@ def test_a_file_is_the_law_that_it_holds(fitted):
 
 
 def test_an_environment_does_not_need_the_file_any_more(fitted):
-    text = gym.make("steer_env/AssistWeave-v1", friction=str(fitted)).spec.to_json()
+    text = gym.make("steer_env/AssistWeave-v2", friction=str(fitted)).spec.to_json()
     fitted.unlink()
     again = EnvSpec.from_json(text).kwargs["friction"]
     assert again == friction.as_mapping(friction.resolve(LAW))

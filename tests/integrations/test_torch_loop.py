@@ -7,7 +7,7 @@ from gymnasium.vector import AutoresetMode
 
 torch = pytest.importorskip("torch")
 
-WEAVE = "steer_env/AssistWeave-v1"
+WEAVE = "steer_env/AssistWeave-v2"
 N, T = 4, 128
 
 

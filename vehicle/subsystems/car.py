@@ -83,5 +83,4 @@ def subsystem(p: plant.Plant) -> Subsystem:
         shown=shown,
         zero_states=tuple(first + i for i in positions),
         zero_outputs=(plant.CHANNEL["x"], plant.CHANNEL["y"]),
-        settling=plant.settling(p),
     )

@@ -75,12 +75,13 @@ def _chassis(subsystem, state, given, inputs, outputs, samples):
 
 @kernel
 def _begin_plant(subsystem, state):
-    plant.begin(subsystem.plant, state)
+    return plant.begin(subsystem.plant, state)
 
 
 @kernel
 def _begin_steering(subsystem, state):
     steering.begin(subsystem.plant, state)
+    return 0
 
 
 _BEGIN: dict[type, Any] = {Car: _begin_plant, Steering: _begin_steering, Chassis: _begin_plant}
@@ -94,8 +95,8 @@ def register(kind: type, function: Any) -> None:
 
 
 def begin(subsystem, state):
-    """Write the state from which a subsystem settles in straight running."""
-    _BEGIN[type(subsystem)](subsystem, state)
+    """Write the state from which a subsystem settles in straight running, and in how many samples."""
+    return _BEGIN[type(subsystem)](subsystem, state)
 
 
 def advance(subsystem, state, given, inputs, outputs, samples):

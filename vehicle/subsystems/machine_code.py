@@ -2,7 +2,7 @@
 
     int32_t steer_advance(int32_t *finite, void **unused, const double *numbers, const double *tables, double *state,
                           const double *given, double *inputs, double *outputs, int64_t samples)
-    int32_t steer_begin(int32_t *done, void **unused, const double *numbers, const double *tables, double *state)
+    int32_t steer_begin(int64_t *samples, void **unused, const double *numbers, const double *tables, double *state)
 
 The kernels are those that Python runs, compiled by the same compiler for a function that takes addresses alone. The
 shapes of all arrays are constants in it. ``finite`` receives 0 where a state has ceased to be finite. The result of
@@ -44,9 +44,8 @@ def entry(numbers, tables, state, given, inputs, outputs, samples):
 
 @kernel
 def first(numbers, tables, state):
-    """Write the state from which a subsystem settles; arguments as the first of :func:`entry`. Always true."""
-    begin(at_addresses(numbers, tables), at_addresses(state, state))
-    return True
+    """Write the state from which a subsystem settles, and in how many samples; first arguments of :func:`entry`."""
+    return begin(at_addresses(numbers, tables), at_addresses(state, state))
 
 
 def signature(subsystem: Subsystem) -> tuple:

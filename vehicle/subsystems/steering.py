@@ -75,5 +75,4 @@ def subsystem(p: plant.Plant, speed: float) -> Subsystem:
         shown=np.zeros(len(outputs)),
         zero_states=(),
         zero_outputs=(),
-        settling=0,
     )

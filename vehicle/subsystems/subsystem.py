@@ -39,7 +39,6 @@ class Subsystem(NamedTuple):
     shown: NDArray  # (C,) outputs there
     zero_states: tuple[int, ...]  # states that are set to zero after settling
     zero_outputs: tuple[int, ...]
-    settling: int  # samples
 
 
 # What channels never leave.

@@ -149,7 +149,6 @@ def c_data(subsystem: Subsystem, variables: list[Variable], processor: Processor
         f"    .output_count = {len(subsystem.outputs)},",
         f"    .place_count = {len(subsystem.zero_states)},",
         f"    .row_count = {len(subsystem.zero_outputs)},",
-        f"    .settling = {subsystem.settling},",
         "};",
     ]
     return "\n".join(lines) + "\n"

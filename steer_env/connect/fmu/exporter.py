@@ -23,7 +23,6 @@ from steer_env.friction import law_of
 from steer_env.friction.law import as_mapping
 from steer_env.friction.numerics.check import one_of
 from steer_env.vehicle import cars, subsystems
-from steer_env.vehicle.steering.eps import SAMPLE_TIME
 from steer_env.vehicle.subsystems import Subsystem
 from steer_env.vehicle.subsystems.poses import with_poses
 
@@ -200,7 +199,6 @@ def _page(subsystem: Subsystem, variables: list[Variable], processor: Processor,
             infinity=math.inf,
             told=told,
             step_note=STEP_NOTE,
-            settling=f"{subsystem.settling * SAMPLE_TIME:g}",
             processor=processor.name,
             groups=[(heading, group) for heading, group in listed.items() if group],
             version=metadata.version("steer-env"),

@@ -72,16 +72,18 @@ def balance(p, strut, tyre, x, unknowns, n, dx, out):
     for i in range(_INPUTS):
         u[i] = 0.0
     for _ in range(ITERATIONS):
-        derivative(p, strut, tyre, x, 0.0, 0.0, u, dx, out)
-        for i in range(n):
-            r[i] = -_rate(unknowns, dx, i)
-        for j in range(n):
+        for k in range(n + 1):  # at x, then beside it; in one loop, as a second call would be compiled once more
+            j = max(k - 1, 0)
             h, kept, other = unknowns.steps[j], x[unknowns.at[j]], x[unknowns.mirrored[j]]
-            _move(unknowns.at, unknowns.mirrored, unknowns.signs, x, j, h)
+            if k > 0:
+                _move(unknowns.at, unknowns.mirrored, unknowns.signs, x, j, h)
             derivative(p, strut, tyre, x, 0.0, 0.0, u, dx, out)
             x[unknowns.mirrored[j]], x[unknowns.at[j]] = other, kept
             for i in range(n):
-                J[MOST * i + j] = (_rate(unknowns, dx, i) + r[i]) / h
+                if k > 0:
+                    J[MOST * i + j] = (_rate(unknowns, dx, i) + r[i]) / h
+                else:
+                    r[i] = -_rate(unknowns, dx, i)
         if not solve(J, r, n):
             return False
         far = False

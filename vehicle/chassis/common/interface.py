@@ -164,8 +164,8 @@ def register(name: str, parameters: type, **fields: Any) -> None:
     from_car : ``(car, speed, road_friction, road) -> parameters``
         Parameters of a checked car on a road (None: level and dry); ValueError for a road that the chassis cannot
         take.
-    begin : ``(p, strut, tyre, x) -> None``
-        Write the states of straight running at the held speed, in balance on a level road.
+    begin : ``(p, strut, tyre, x) -> bool``
+        Write the states of straight running at the held speed, in balance; whether the car runs straight from there.
     derivative : ``(p, strut, tyre, x, rack, rack_rate, u, dx, out) -> rack force``
         Time derivative of the states, and the outputs, at a row ``u`` of inputs, which may exceed their bounds by half.
     advance : ``(p, x, rate, rate_before, out, out_before, s, h, u) -> None``
@@ -218,8 +218,8 @@ def chassis_of(p: Any) -> Chassis:
 
 
 def begin(p, strut, tyre, x):
-    """States of straight running into ``x``."""
-    chassis_of(p).begin(p, strut, tyre, x)
+    """States of straight running into ``x``, and whether the car runs straight from there."""
+    return chassis_of(p).begin(p, strut, tyre, x)
 
 
 def derivative(p, strut, tyre, x, rack, rack_rate, u, dx, out):

@@ -89,6 +89,7 @@ def begin(p, strut, tyre, x):
         for i in range(4):
             x[SLIP_FL + i] += dx[SLIP_FL + i] * p.sigma_y / p.v_x
         x[DRIVE_FORCE] += dx[DRIVE_FORCE] * p.T_drive
+    return True
 
 
 register(

@@ -29,8 +29,11 @@ from steer_env.vehicle.chassis.two_track.layout import (
     TRAVEL_RATE,
     YAW,
     YAW_RATE,
+    P,
     Q,
+    R,
     U,
+    V,
     W,
     X,
     Y,
@@ -145,15 +148,24 @@ _UNKNOWNS = Unknowns(
     steps=(1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-5, 1e-5, 1e-7, 1e-7, 1e-7, 1e-7, 1e-6),
 )
 _STANDING, _ROLLING, _HOLDING = 4, 11, 12
+STRAIGHT = 1e-9  # most sideward and angular acceleration of a car that runs straight [m/s2, rad/s2]
 
 
 @kernel
 def begin(p, strut, tyre, x):
-    """Write the states of straight running at the held speed, in balance on a level road.
+    """Write the states of straight running at the held speed, in balance; whether the car runs straight from there.
 
-    A car that cannot hold its speed begins with full throttle.
+    It does not where its sides, or those of the road, differ: the balance is that of their mean. A car that cannot hold
+    its speed begins with full throttle.
     """
     dx, out = scratch.floats(STATE_SIZE), scratch.floats(OUTPUT_SIZE)
+    _straighten(p, strut, tyre, x, dx, out)
+    # The rates are those of a state beside the balance, in which left and right are as there.
+    return max(abs(dx[V]), abs(dx[P]), abs(dx[R])) < STRAIGHT
+
+
+@kernel
+def _straighten(p, strut, tyre, x, dx, out):
     _design(p, x)
     if p.body[0].speed == 0.0:
         balance(p, strut, tyre, x, _UNKNOWNS, _STANDING, dx, out)

@@ -182,10 +182,10 @@ int unit_settle(struct instance *c)
         return unit_refuse(c, "no memory to settle the state");
     memcpy(given, c->given, size);
     memcpy(c->given, unit.given, size);
-    int32_t begun = 0;
+    int64_t samples = 0;
     void *unused = NULL;
-    steer_begin(&begun, &unused, c->numbers, unit.tables, c->state); /* which cannot fail */
-    int done = advance(c, unit.settling);
+    steer_begin(&samples, &unused, c->numbers, unit.tables, c->state); /* which cannot fail */
+    int done = advance(c, samples);
     memcpy(c->given, given, size);
     free(given);
     if (!done) {

@@ -36,7 +36,7 @@ typedef int32_t kernel(int32_t *done, void **unused, const double *numbers, cons
                        const double *given, double *inputs, double *outputs);
 int32_t steer_advance(int32_t *finite, void **unused, const double *numbers, const double *tables, double *state,
                       const double *given, double *inputs, double *outputs, int64_t samples);
-int32_t steer_begin(int32_t *done, void **unused, const double *numbers, const double *tables, double *state);
+int32_t steer_begin(int64_t *samples, void **unused, const double *numbers, const double *tables, double *state);
 kernel steer_poses;
 
 struct unit {
@@ -55,7 +55,6 @@ struct unit {
     kernel *poses;             /* writes the poses of the wheels behind the other outputs; NULL where there are none */
     unsigned requirement_count, variable_count, number_count, state_count, given_count, input_count, output_count,
         place_count, row_count;
-    int64_t settling; /* samples that settling takes */
 };
 
 extern const struct unit unit;

@@ -8,7 +8,7 @@
 /* The tables belong to the suspension: the steering does not read them. The first two arguments are results. */
 int32_t steer_advance(int32_t *finite, void **unused, const double *numbers, const double *tables, double *state,
                       const double *given, double *inputs, double *outputs, int64_t samples);
-int32_t steer_begin(int32_t *done, void **unused, const double *numbers, const double *tables, double *state);
+int32_t steer_begin(int64_t *samples, void **unused, const double *numbers, const double *tables, double *state);
 
 const struct steering_parameters steering_parameters = {
 {% for member in parameters %}
@@ -18,7 +18,7 @@ const struct steering_parameters steering_parameters = {
 
 void steering_begin(struct steering *s)
 {
-    int32_t done;
+    int64_t samples;
     void *unused = NULL;
     s->parameters = &steering_parameters;
 {% for name, members in (("inputs", inputs), ("outputs", outputs)) %}
@@ -28,7 +28,7 @@ void steering_begin(struct steering *s)
 {% endfor %}
     };
 {% endfor %}
-    steer_begin(&done, &unused, (const double *)s->parameters, NULL, s->state);
+    steer_begin(&samples, &unused, (const double *)s->parameters, NULL, s->state); /* of rest, which has none */
 }
 
 int steering_step(struct steering *s)
