@@ -97,7 +97,7 @@ for name, options in (
     ("AssistWeave", {"friction": "masing"}),
     ("DriverObstacleAvoidance", {"chassis": "two_track"}),
 ):
-    env = gymnasium.make(f"steer_env/{name}-v1", **options)
+    env = gymnasium.make(steer_env.registration.id_of(name), **options)
     env.reset(seed=1)
     env.action_space.seed(1)
     for _ in range(40):

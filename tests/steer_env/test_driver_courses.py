@@ -39,7 +39,7 @@ def cones(*args, **kwargs):
 @pytest.mark.parametrize(
     ("driver", "kph"),
     [
-        ("preview", 55.0),
+        ("preview", 54.0),
         pytest.param("preview", 30.0, marks=pytest.mark.whole),
         pytest.param("preview", 50.0, marks=pytest.mark.whole),
         pytest.param("robot", 50.0, marks=pytest.mark.whole),

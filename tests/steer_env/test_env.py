@@ -489,16 +489,16 @@ def test_friction_does_not_act_straight_ahead(law, chassis):
     env.reset(seed=0, options=options)
     drawn = batch.conditions[0]
     assert not drawn.same_plant(batch.usual_conditions)
-    numbers, state, channels = batch._settled(batch._plant(drawn, batch.task.robot, batch.driver))
-    given = batch._start_of(drawn, batch.task.robot, True)
-    for one, other in zip((numbers, state, channels), given):
+    numbers = packing.numbers(batch._plant(drawn, batch.task.robot, batch.driver))[None]
+    begun = batch.arrays.plants, batch.arrays.states, batch.arrays.channels
+    for one, other in zip((numbers, *batch._settled(numbers)), begun):
         assert one.tobytes() == other.tobytes()
 
 
 @pytest.mark.parametrize("env_id", ["AssistLaneKeeping", "AssistWeave", "DriverLaneKeeping"])
 @pytest.mark.parametrize("chassis", ["single_track", "two_track"])
 def test_a_drawn_plant_is_that_of_its_car(env_id, chassis):
-    env = gym.make(f"steer_env/{env_id}-v1", friction="masing", chassis=chassis)
+    env = gym.make(id_of(env_id), friction="masing", chassis=chassis)
     batch = env.unwrapped.batch
     env.reset(seed=0, options={"load": 200.0, "road_friction": 0.5, "speed": 20.0, "friction_level": 1.7})
     drawn, robot = batch.conditions[0], batch.task.robot

@@ -21,7 +21,7 @@ class Unknowns(NamedTuple):
 
     at: tuple[int, ...]
     mirrored: tuple[int, ...]
-    signs: tuple[float, ...]
+    signs: tuple[float, ...]  # [1]
     rates: tuple[int, ...]
     mirrored_rates: tuple[int, ...]
     steps: tuple[float, ...]  # of the differences that make the derivatives
