@@ -191,7 +191,7 @@ def finished(job: Job) -> dict[str, float]:
         if entry is not None:
             raise
         found["refused"] = str(error)
-    write_json(kept, found)
+    write_json(kept, {**found, "versions": provenance.versions()})
     return dict(found["rewards"])
 
 

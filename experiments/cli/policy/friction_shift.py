@@ -42,11 +42,11 @@ def run(args: argparse.Namespace) -> None:
     usable(args.out)
     if not args.resume and args.out.exists() and any(args.out.iterdir()):
         raise ValueError(f"{args.out} is not empty: give a new directory, or go on in it with --resume")
+    # What is finished lies in --out, where another version finds it too; a store of the sweep would refuse that.
+    sweep = runner(argparse.Namespace(**{**vars(args), "resume": False}))
     laws = [law.text for law in args.friction] if args.friction else LAWS
     with progress("training") as notify:
-        found = friction_shift.collect(
-            args.out, args.case, args.entry, args.seeds, laws, args.episodes, notify, runner(args)
-        )
+        found = friction_shift.collect(args.out, args.case, args.entry, args.seeds, laws, args.episodes, notify, sweep)
     print_friction_shift(found)
     friction_shift.write(args.out, found, trace(args, {}))
     print(args.out / "index.html")
