@@ -19,7 +19,7 @@ from steer_env.experiments.learning import held_out, policy, policy_report, trai
 from steer_env.experiments.learning.constants import HELD_OUT
 from steer_env.experiments.learning.controllers import Maker, ZeroAction, baselines
 from steer_env.experiments.learning.friction_shift_cases import (
-    CASES,
+    CANDIDATES,
     COST,
     ENTRIES,
     EPISODES,
@@ -146,6 +146,7 @@ class Job(NamedTuple):
     seed: int
     laws: tuple[str, ...]  # on which it is driven
     episodes: int
+    first_seed: int  # of the episodes
     folder: str  # in which policies and rewards are kept
 
     @property
@@ -169,9 +170,14 @@ def finished(job: Job) -> dict[str, float]:
     ValueError
         If the folder holds the job with other settings.
     """
-    case, entry = CASES[job.case], ENTRIES.get(job.entry)
+    case, entry = CANDIDATES[job.case], ENTRIES.get(job.entry)
     kept, path = (Path(job.folder) / f"{job.name}.{suffix}" for suffix in ("json", "zip"))
-    identity = {"case": case._asdict(), "entry": entry and entry._asdict(), "episodes": job.episodes}
+    identity = {
+        "case": case._asdict(),
+        "entry": entry and entry._asdict(),
+        "episodes": job.episodes,
+        "first_seed": job.first_seed,
+    }
     identity = json.loads(json.dumps(identity))  # with lists in place of tuples
     found = toml.read(kept, json.loads) if kept.is_file() else {**identity, "rewards": {}}
     if any(found.get(key) != value for key, value in identity.items()):
@@ -186,7 +192,7 @@ def finished(job: Job) -> dict[str, float]:
             if not path.is_file():
                 train(case, entry, job.seed, path)
             make = policy.load(path)
-        found["rewards"] |= rewards(case, make, left, job.episodes)
+        found["rewards"] |= rewards(case, make, left, job.episodes, job.first_seed)
     except ValueError as error:
         if entry is not None:
             raise
@@ -262,6 +268,7 @@ class Shift(NamedTuple):
     cases: dict[str, list[Row]]
     laws: tuple[str, ...]
     episodes: int
+    first_seed: int  # of the episodes
 
     @property
     def decided(self) -> list[str]:
@@ -285,6 +292,7 @@ def collect(
     seeds: int,
     laws: Sequence[str] = LAWS,
     episodes: int = EPISODES,
+    first_seed: int = HELD_OUT,
     notify: Callable[[float, str], None] = lambda *_: None,
     sweep: Runner = run,
 ) -> Shift:
@@ -292,25 +300,25 @@ def collect(
     folder = out.resolve() / KEPT
     folder.mkdir(parents=True, exist_ok=True)
     asked = [(case, entry, seed) for seed in range(seeds) for case in cases for entry in entries]
-    asked += [(case, name, 0) for case in cases for name in (NOTHING, *baselines(id_of(CASES[case].task)))]
-    jobs = [Job(*each, tuple(laws), episodes, str(folder)) for each in asked]
+    asked += [(case, name, 0) for case in cases for name in (NOTHING, *baselines(id_of(CANDIDATES[case].task)))]
+    jobs = [Job(*each, tuple(laws), episodes, first_seed, str(folder)) for each in asked]
     results = sweep(finished, jobs, notify=notify, words=label_of)
     found: dict[str, dict[str, list[dict[str, float]]]] = {case: {} for case in cases}
     for job, rewarded in zip(jobs, results):
         if rewarded:
             found[job.case].setdefault(job.entry, []).append({law: rewarded[law] for law in laws})
-    return Shift({case: rows(CASES[case], of) for case, of in found.items()}, tuple(laws), episodes)
+    return Shift({case: rows(CANDIDATES[case], of) for case, of in found.items()}, tuple(laws), episodes, first_seed)
 
 
 def as_json(found: Shift) -> dict[str, Any]:
     """The table as JSON."""
     return {
         "episodes": found.episodes,
-        "first_seed": HELD_OUT,
+        "first_seed": found.first_seed,
         "decided": found.decided,
         "robust": found.robust,
         "cases": {
-            name: {"settings": CASES[name]._asdict(), "entries": [_entry(row) for row in made]}
+            name: {"settings": CANDIDATES[name]._asdict(), "entries": [_entry(row) for row in made]}
             for name, made in found.cases.items()
         },
         "provenance": provenance.versions(),
@@ -333,10 +341,9 @@ def write(out: Path, found: Shift, trace: Mapping[str, Any]) -> None:
     }
     values = {
         "f": found,
-        "cases": CASES,
+        "cases": CANDIDATES,
         "cost": COST,
         "robust": ROBUST,
-        "first_seed": HELD_OUT,
         "picture": dots(
             worst or {"none": Estimate(0.0, 0.0, 0.0)}, "share of the range lost on the worst law [1]", (COST, "20 %")
         ),

@@ -10,7 +10,7 @@ from stable_baselines3.common.vec_env import VecFrameStack, VecNormalize
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.learning import friction_shift, policy
 from steer_env.experiments.learning.friction_shift import OverLaws, Shift, rows
-from steer_env.experiments.learning.friction_shift_cases import CASES, ENTRIES, LAWS, SET, Case
+from steer_env.experiments.learning.friction_shift_cases import CANDIDATES, ENTRIES, LAWS, SET, Case
 from steer_env.registration import id_of
 from steer_env.sb3 import SteerVecEnv
 from tests.experiments.first_screen import sentence
@@ -31,7 +31,7 @@ FOUND = {
 @pytest.fixture
 def small(monkeypatch):
     """A case of 64 steps in place of the benchmark's own."""
-    monkeypatch.setattr(friction_shift, "CASES", {"small": CASE})
+    monkeypatch.setattr(friction_shift, "CANDIDATES", {"small": CASE})
     return CASE
 
 
@@ -54,15 +54,15 @@ def test_the_interval_is_that_of_student_over_the_seeds():
 
 
 def test_a_case_is_decided_where_all_seeds_but_one_are_shifted():
-    found = Shift({"case": rows(CASE, FOUND)}, tuple(FOUND["zero"][0]), 2)
+    found = Shift({"case": rows(CASE, FOUND)}, tuple(FOUND["zero"][0]), 2, 0)
     assert (found.decided, found.robust) == (["case"], {"case": ["set-of-laws"]})
     seeds = [{**FOUND["one-law"][1], "coulomb": 15.0}] * 2
-    found = Shift({"case": rows(CASE, {**FOUND, "one-law": seeds})}, found.laws, 2)
+    found = Shift({"case": rows(CASE, {**FOUND, "one-law": seeds})}, found.laws, 2, 0)
     assert found.decided == []
 
 
 def test_every_case_and_entry_can_be_made():
-    for case in CASES.values():
+    for case in CANDIDATES.values():
         gym.make_vec(id_of(case.task), num_envs=2, friction=case.law, **case.arguments).close()
         assert case.law in LAWS
     for entry in ENTRIES.values():
@@ -118,7 +118,7 @@ def test_what_is_finished_is_taken_and_other_settings_are_refused(small, tmp_pat
     assert friction_shift.collect(tmp_path, ["small"], ["one-law"], 1, laws, 2) == first
     wider = friction_shift.collect(tmp_path, ["small"], ["one-law"], 1, (*laws, "coulomb"), 2)
     assert wider.cases["small"][0].reward["lugre"] == first.cases["small"][0].reward["lugre"]
-    monkeypatch.setattr(friction_shift, "CASES", {"small": small._replace(steps=65)})
+    monkeypatch.setattr(friction_shift, "CANDIDATES", {"small": small._replace(steps=65)})
     with pytest.raises(ValueError, match=r"small\.one-law\.0\.json was made with other settings"):
         friction_shift.collect(tmp_path, ["small"], ["one-law"], 1, laws, 2)
 
@@ -126,7 +126,7 @@ def test_what_is_finished_is_taken_and_other_settings_are_refused(small, tmp_pat
 def test_the_page_holds_the_losses(small, tmp_path):
     laws = ("lugre", "viscous")
     made = {name: [{law: of[law] for law in laws} for of in seeds] for name, seeds in FOUND.items()}
-    friction_shift.write(tmp_path, Shift({"small": rows(CASE, made)}, laws, 2), {})
+    friction_shift.write(tmp_path, Shift({"small": rows(CASE, made)}, laws, 2, 0), {})
     page = (tmp_path / "index.html").read_text(encoding="utf-8")
     assert sentence(page).startswith("Policies of one law lose 20")
     data = json.loads((tmp_path / "friction_shift.json").read_text())

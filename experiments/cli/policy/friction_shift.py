@@ -8,13 +8,23 @@ import argparse
 from steer_env.experiments.cli.common import options
 from steer_env.experiments.cli.common.extras import OF_ALGORITHM, require
 from steer_env.experiments.cli.common.sweeping import add_sweep, runner
-from steer_env.experiments.learning.friction_shift_cases import CASES, ENTRIES, EPISODES, LAWS, SEEDS
+from steer_env.experiments.learning.constants import HELD_OUT
+from steer_env.experiments.learning.friction_shift_cases import (
+    CANDIDATES,
+    CASES,
+    DROPPED,
+    ENTRIES,
+    EPISODES,
+    LAWS,
+    SEARCHED,
+    SEEDS,
+)
 
 
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    text = f"cases: {', '.join(CASES)} (default: all)"
-    parser.add_argument("--case", metavar="NAME", choices=tuple(CASES), nargs="+", default=list(CASES), help=text)
+    text = f"cases: {', '.join(CASES)} (default: all); beside them what the search left out: {', '.join(DROPPED)}"
+    parser.add_argument("--case", metavar="NAME", choices=tuple(CANDIDATES), nargs="+", default=list(CASES), help=text)
     first = list(ENTRIES)[:2]
     text = f"kinds of policies that are trained: {', '.join(ENTRIES)} (default: {' '.join(first)})"
     parser.add_argument("--entry", metavar="NAME", choices=tuple(ENTRIES), nargs="+", default=first, help=text)
@@ -24,6 +34,8 @@ def add(parser: argparse.ArgumentParser) -> None:
     options.add(parser, "--episodes", "of every controller on every law, held out", EPISODES, type=most)
     text = f"{len(LAWS)} laws, two of them with two values of micro-damping"
     options.add(parser, "--friction", "on which all are driven", otherwise=text, nargs="+", action="extend")
+    text = f"drive in the episodes of the search that chose the cases, seeds from {SEARCHED} on in place of {HELD_OUT}"
+    parser.add_argument("--search", action="store_true", help=text)
     options.add_page(parser, "of the report, of policies and rewards", "friction_shift")
     add_sweep(parser)
 
@@ -46,7 +58,17 @@ def run(args: argparse.Namespace) -> None:
     sweep = runner(argparse.Namespace(**{**vars(args), "resume": False}))
     laws = [law.text for law in args.friction] if args.friction else LAWS
     with progress("training") as notify:
-        found = friction_shift.collect(args.out, args.case, args.entry, args.seeds, laws, args.episodes, notify, sweep)
+        found = friction_shift.collect(
+            args.out,
+            args.case,
+            args.entry,
+            args.seeds,
+            laws,
+            args.episodes,
+            SEARCHED if args.search else HELD_OUT,
+            notify,
+            sweep,
+        )
     print_friction_shift(found)
     friction_shift.write(args.out, found, trace(args, {}))
     print(args.out / "index.html")
