@@ -154,6 +154,11 @@ class Job(NamedTuple):
         """The name of its files."""
         return f"{self.case}.{self.entry}.{self.seed}"
 
+    @property
+    def kept(self) -> Path:
+        """The file of its rewards; the policy lies beside it."""
+        return Path(self.folder) / f"{self.name}.json"
+
 
 def label_of(job: Job) -> str:
     """A job in words, for messages."""
@@ -171,7 +176,7 @@ def finished(job: Job) -> dict[str, float]:
         If the folder holds the job with other settings.
     """
     case, entry = CANDIDATES[job.case], ENTRIES.get(job.entry)
-    kept, path = (Path(job.folder) / f"{job.name}.{suffix}" for suffix in ("json", "zip"))
+    kept, path = job.kept, Path(job.folder) / f"{job.name}.zip"
     identity = {
         "case": case._asdict(),
         "entry": entry and entry._asdict(),
@@ -293,19 +298,24 @@ def collect(
     laws: Sequence[str] = LAWS,
     episodes: int = EPISODES,
     first_seed: int = HELD_OUT,
+    training_allowed: bool = True,
     notify: Callable[[float, str], None] = lambda *_: None,
     sweep: Runner = run,
 ) -> Shift:
-    """Train and drive what is asked for, and every classical controller of the cases; what ``out`` holds is taken."""
+    """Train and drive what is asked for, and every classical controller of the cases; what ``out`` holds is taken.
+
+    Without ``training_allowed`` the table is of the trainings that ``out`` holds.
+    """
     folder = out.resolve() / KEPT
     folder.mkdir(parents=True, exist_ok=True)
     asked = [(case, entry, seed) for seed in range(seeds) for case in cases for entry in entries]
     asked += [(case, name, 0) for case in cases for name in (NOTHING, *baselines(id_of(CANDIDATES[case].task)))]
     jobs = [Job(*each, tuple(laws), episodes, first_seed, str(folder)) for each in asked]
+    jobs = [job for job in jobs if training_allowed or job.entry not in ENTRIES or job.kept.is_file()]
     results = sweep(finished, jobs, notify=notify, words=label_of)
     found: dict[str, dict[str, list[dict[str, float]]]] = {case: {} for case in cases}
     for job, rewarded in zip(jobs, results):
-        if rewarded:
+        if rewarded.keys() >= set(laws):
             found[job.case].setdefault(job.entry, []).append({law: rewarded[law] for law in laws})
     return Shift({case: rows(CANDIDATES[case], of) for case, of in found.items()}, tuple(laws), episodes, first_seed)
 

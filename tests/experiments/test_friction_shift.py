@@ -118,6 +118,8 @@ def test_what_is_finished_is_taken_and_other_settings_are_refused(small, tmp_pat
     assert friction_shift.collect(tmp_path, ["small"], ["one-law"], 1, laws, 2) == first
     wider = friction_shift.collect(tmp_path, ["small"], ["one-law"], 1, (*laws, "coulomb"), 2)
     assert wider.cases["small"][0].reward["lugre"] == first.cases["small"][0].reward["lugre"]
+    partly = friction_shift.collect(tmp_path, ["small"], ["one-law"], 3, laws, 2, training_allowed=False)
+    assert partly == first
     monkeypatch.setattr(friction_shift, "CANDIDATES", {"small": small._replace(steps=65)})
     with pytest.raises(ValueError, match=r"small\.one-law\.0\.json was made with other settings"):
         friction_shift.collect(tmp_path, ["small"], ["one-law"], 1, laws, 2)

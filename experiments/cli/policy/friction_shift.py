@@ -36,6 +36,8 @@ def add(parser: argparse.ArgumentParser) -> None:
     options.add(parser, "--friction", "on which all are driven", otherwise=text, nargs="+", action="extend")
     text = f"drive in the episodes of the search that chose the cases, seeds from {SEARCHED} on in place of {HELD_OUT}"
     parser.add_argument("--search", action="store_true", help=text)
+    text = "train nothing: the report of the trainings that the folder of --out holds"
+    parser.add_argument("--finished", action="store_true", help=text)
     options.add_page(parser, "of the report, of policies and rewards", "friction_shift")
     add_sweep(parser)
 
@@ -52,7 +54,7 @@ def run(args: argparse.Namespace) -> None:
     from steer_env.experiments.pages.options import progress
 
     usable(args.out)
-    if not args.resume and args.out.exists() and any(args.out.iterdir()):
+    if not (args.resume or args.finished) and args.out.exists() and any(args.out.iterdir()):
         raise ValueError(f"{args.out} is not empty: give a new directory, or go on in it with --resume")
     # What is finished lies in --out, where another version finds it too; a store of the sweep would refuse that.
     sweep = runner(argparse.Namespace(**{**vars(args), "resume": False}))
@@ -66,6 +68,7 @@ def run(args: argparse.Namespace) -> None:
             laws,
             args.episodes,
             SEARCHED if args.search else HELD_OUT,
+            not args.finished,
             notify,
             sweep,
         )
