@@ -57,7 +57,8 @@ def load(path: Path, about: Mapping[str, Any]) -> Callable[[NDArray[np.float32]]
     import torch
 
     form = FORMS[about["algorithm"]]
-    sizes = [len(about["observations"]), *about["settings"]["algorithm"]["net_arch"], 1]
+    seen = len(about["observations"]) * about["settings"]["algorithm"].get("frames", 1)
+    sizes = [seen, *about["settings"]["algorithm"]["net_arch"], 1]
     layers = [torch.nn.Linear(n, m) for n, m in pairwise(sizes)]
     names = [*(f"{form.hidden}.{2 * k}" for k in range(len(layers) - 1)), form.last]
     try:

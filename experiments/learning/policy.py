@@ -94,6 +94,7 @@ def _checked(about: Any) -> Any:
         if values.shape != (count,) or (key == "deviation" and values.min() <= 0.0):
             raise ValueError(f"{key} must hold {count} numbers, a deviation above 0, got {values.tolist()}")
     not_negative("clip", scaling.get("clip"))
+    number("frames", whole("frames", frames_of(about), 1), maximum=WIDEST)
     if (caution := guard_of(about)) is not None:
         not_negative("guard", caution)
     return about
@@ -124,6 +125,12 @@ def guard_of(about: Mapping[str, Any]) -> float | None:
     """The caution of the guard with which a policy was trained (:mod:`steer_env.experiments.learning.guard`)."""
     caution: float | None = about["settings"].get("controller", {}).get("guard")
     return caution
+
+
+def frames_of(about: Mapping[str, Any]) -> int:
+    """The number of observations, the last ones, that a policy sees at once."""
+    frames: int = about["settings"]["algorithm"].get("frames", 1)
+    return frames
 
 
 def is_scaled(about: Mapping[str, Any]) -> bool:
@@ -179,6 +186,7 @@ class Policy:
         self._state: Any = None
         n = env.unwrapped.batch.n
         self._fresh, self._since = np.ones(n, bool), np.zeros(n, np.int64)
+        self._seen = np.zeros((n, frames_of(self.about) * self._mean.size), np.float32)  # the latest one last
         self._action = np.zeros((n, 1), np.float32)
         self._guard: Any = None
         if (caution := guard_of(self.about)) is not None:
@@ -200,7 +208,10 @@ class Policy:
         if deciding.any():
             seen = np.atleast_2d(observation) * self._units
             seen = np.clip((seen - self._mean) / self._deviation, -self._clip, self._clip)
-            action, state = self._predict(seen.astype(np.float32), self._state, self._fresh)
+            self._seen[self._fresh] = 0.0
+            latest = np.hstack([self._seen[:, seen.shape[1] :], seen.astype(np.float32)])
+            self._seen[deciding] = latest[deciding]
+            action, state = self._predict(latest, self._state, self._fresh)
             self._action[deciding] = action[deciding]
             if state is not None and self._state is not None:  # (layers, sub-environments, units)
                 state = tuple(np.where(deciding[:, None], new, old) for new, old in zip(state, self._state))

@@ -193,7 +193,7 @@ def new_model(algo: str, env: Any, chosen: dict[str, Any], seed: int, logs: str 
     import torch
 
     torch.set_num_threads(1)  # more threads are slower with networks of this size
-    own = {"num_envs", "net_arch", "policy_kwargs", "learning_rate_decay", "scaled"}
+    own = {"num_envs", "net_arch", "policy_kwargs", "learning_rate_decay", "scaled", "frames"}
     return policy.algorithm(algo)(
         "MlpLstmPolicy" if algo == "recurrent-ppo" else "MlpPolicy",
         env,

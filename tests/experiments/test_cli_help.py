@@ -291,6 +291,7 @@ def test_vehicle_names_the_cars_and_friction_the_form_of_a_law():
 # drive cannot be spread.
 SWEEPS = {
     ("policy", "evaluate"),
+    ("policy", "friction-shift"),
     ("policy", "shift"),
     ("policy", "suite"),
     ("report",),

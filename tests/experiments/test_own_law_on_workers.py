@@ -75,6 +75,7 @@ COMMANDS = {
     "policy evaluate": [
         "policy", "evaluate", "damping", "--env", ASSIST, "--friction", NAME, "--episodes", "2", *IMPORT
     ],
+    "policy friction-shift": ["policy", "friction-shift", "--friction", NAME, "--seeds", "1", *IMPORT],
     "policy shift": [
         "policy", "shift", "shipped", "--env", ASSIST, "--over", "law", "--friction", NAME, "--episodes", "2", *IMPORT
     ],

@@ -151,6 +151,31 @@ def print_shift(rows: Mapping[str, Mapping[str, Any]], aim: str, units: Mapping[
     _print(console(), table, title)
 
 
+def print_friction_shift(found: Any) -> None:
+    """Print what the entries of a benchmark lose on their worst law.
+
+    Parameters
+    ----------
+    found : steer_env.experiments.learning.friction_shift.Shift
+    """
+    table = _table()
+    for heading in ("case", "entry", "trained on", "worst law"):
+        table.add_column(heading, overflow="fold")
+    for heading in ("share of the range lost there", "seeds shifted"):
+        table.add_column(heading, justify="right", overflow="fold")
+    for name, rows in found.cases.items():
+        for place, row in enumerate(rows):
+            table.add_row(
+                name if place == 0 else "",
+                row.entry.replace("_", " "),
+                Text(", ".join(row.laws)),
+                Text(row.worst),
+                _estimate(row.loss[row.worst]),
+                f"{row.shifted} of {row.seeds}" if row.laws else "",
+            )
+    _print(console(), table, f"Friction shift, {found.episodes} held-out episodes: means over the seeds")
+
+
 def _estimate(e: Estimate) -> str:
     """A mean and half the width of its interval, which is symmetric."""
     half = 0.5 * (e.high - e.low)
