@@ -84,7 +84,7 @@ def test_number_of_sets_is_an_argument():
     for arguments in ({"sets": 1}, {"max_episode_steps": 1}, {"sets": None, "max_episode_steps": 1}):
         vector = gym.make_vec(ON_CENTRE, 2, workers=1, **arguments)
         vector.reset(seed=0)
-        assert vector.step(np.zeros((2, 5), np.float32))[3].all(), arguments
+        assert vector.step(np.zeros((2, 8), np.float32))[3].all(), arguments
     for wrong in (0, -1, 2.5):
         with pytest.raises(ValueError, match="sets must be a whole number"):
             gym.make(ON_CENTRE, sets=wrong)
@@ -99,7 +99,7 @@ def test_make_vec_has_no_warning_and_its_specification_makes_it_again():
     again = gym.make_vec(EnvSpec.from_json(text))
     copied = pickle.loads(pickle.dumps(vector))
     assert equal(run(vector, 2), run(again, 2))
-    assert equal(vector.step(np.zeros((2, 5), np.float32)), again.step(np.zeros((2, 5), np.float32)))
+    assert equal(vector.step(np.zeros((2, 8), np.float32)), again.step(np.zeros((2, 8), np.float32)))
     assert equal(run(vector, 2), run(copied, 2))
 
 
@@ -119,7 +119,7 @@ def test_bad_arguments(arguments, error, message):
 
 def test_bad_calls():
     vector = gym.make_vec(ON_CENTRE, 2, workers=1, sets=1, autoreset_mode="Disabled")
-    zero = np.zeros((2, 5), np.float32)
+    zero = np.zeros((2, 8), np.float32)
     with pytest.raises(RuntimeError, match="an episode is over or has not begun: call reset"):
         vector.step(zero)
     with pytest.raises(ValueError, match=r"seed must be a number or 2 of them, got 3"):
@@ -129,7 +129,7 @@ def test_bad_calls():
     with pytest.raises(ValueError, match="unknown reset option 'sensor_noise'"):
         vector.reset(options={"sensor_noise": 1.0})
     vector.reset(seed=0)
-    with pytest.raises(ValueError, match=r"actions must be an array of shape \(2, 5\)"):
+    with pytest.raises(ValueError, match=r"actions must be an array of shape \(2, 8\)"):
         vector.step(zero[0])
     with pytest.raises(ValueError, match="got nan"):
         vector.step(zero + np.nan)
@@ -151,7 +151,7 @@ def test_rewards_in_components_add_up_to_the_reward():
     assert env.reward_components == (*(name for name in env.terms if env.terms[name].weight), *reward.MARGIN_TERMS)
     assert "yaw_lag" in env.reward_components
     assert "yaw_rate_gain" not in env.reward_components  # weighs nothing
-    tried = np.full(5, 0.6, np.float32)
+    tried = np.full(8, 0.6, np.float32)
     for each in (env, plain):
         each.reset(seed=0)
     given, (_, total, *_, info) = env.step(tried)[1], plain.step(tried)
