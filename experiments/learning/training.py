@@ -139,6 +139,8 @@ CHECKPOINT_EVERY, VALIDATE_EVERY = 60.0, 60.0  # [s]
 # With a given number of steps the interval is in steps, so that the policy that is kept does not depend on the machine.
 VALIDATE_STEPS = 200_000
 VALIDATED = 32  # episodes of each validation
+# Exploration noise has a cost too: with a budget it begins at 0.14 of the action; by trial in AssistWeave.
+BUDGET_NOISE = -2.0  # log of its standard deviation
 # A training with the defaults of Stable-Baselines3: sub-environments, and the sizes of the networks there.
 LIBRARY_ENVS, LIBRARY_NETWORKS = 4, {"ppo": [64, 64], "recurrent-ppo": [64, 64], "sac": [256, 256]}
 
@@ -349,7 +351,10 @@ class Training:
                 raise ValueError(
                     "cost_budget needs an algorithm that trains on rollouts, ppo or recurrent-ppo, got sac"
                 )
-            self.settings["algorithm"]["cost_budget"] = number("cost_budget", cost_budget, minimum=0.0, above=True)
+            chosen = self.settings["algorithm"]
+            chosen["cost_budget"] = number("cost_budget", cost_budget, minimum=0.0, above=True)
+            if not library:
+                chosen["policy_kwargs"] = {**chosen.get("policy_kwargs", {}), "log_std_init": BUDGET_NOISE}
         if resume:
             self.best = best(out, self._budget)
 
