@@ -16,7 +16,7 @@ from steer_env.vehicle import cars
 
 
 def main(evaluations: int, out: str) -> tuple[float, float]:
-    """Reward of the car's own parameter set, and of the best one found, which is written as a car file."""
+    """Reward of the start, and of the best one found, which is written as a car file."""
     env = gym.make("steer_env/TuneOnCentre-v2")
 
     def reward(action: np.ndarray) -> float:
@@ -35,4 +35,4 @@ def main(evaluations: int, out: str) -> tuple[float, float]:
 if __name__ == "__main__":
     count, path = (*sys.argv[1:], *("200", "tuned.toml")[len(sys.argv) - 1 :])
     own, found = main(int(count), path)
-    print(f"own set {own:.3f}, best found {found:.3f}: {path}")
+    print(f"start {own:.3f}, best found {found:.3f}: {path}")

@@ -35,6 +35,8 @@ def add(parser: argparse.ArgumentParser) -> None:
         "or drawn conditions of this package"
     )
     parser.add_argument("--library-defaults", action="store_true", help=text)
+    text = "keep the cost of an episode within a budget by a Lagrange multiplier; every cost of a task has the budget 1"
+    parser.add_argument("--cost-budget", metavar="B", type=options.real, help=text)
     most = options.whole_number(1, options.MOST_EPISODES)
     options.add(parser, "--episodes", "of the evaluation, held out from the training", 200, type=most)
     options.add_page(parser, "of the policy, its checkpoint and its report", "training")
@@ -57,10 +59,12 @@ def run(args: argparse.Namespace) -> None:
     if library and args.resume:
         raise ValueError("--library-defaults belongs to a new run; a resumed one keeps its settings: leave it out")
     kept = {"seed": args.seed, "resume": args.resume, "friction": args.friction}
+    if args.resume and args.cost_budget is not None:
+        raise ValueError("a resumed run keeps its budget: leave --cost-budget out")
     if args.resume and car_options.given(args):
         raise ValueError("a resumed run keeps its car: leave --vehicle, --tyre and --set out")
     car = car_options.load(args).data() if car_options.given(args) else None
-    run = Training(args.env, args.algo, out, **kept, library=library, car=car)
+    run = Training(args.env, args.algo, out, **kept, library=library, car=car, cost_budget=args.cost_budget)
     usable(out / "report", policy_report.CONTENTS)
     with progress("training") as notify:
         run.run(None if args.steps else minutes, args.steps, notify)

@@ -18,3 +18,4 @@ SHIFTS = (
 )  # what `steer-env policy shift` replaces
 
 ALGORITHMS = ("ppo", "sac", "recurrent-ppo")
+CONSTRAINT = "constraint.csv"  # beside the curve of a training with a budget: cost and multiplier of every rollout

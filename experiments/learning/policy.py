@@ -116,6 +116,14 @@ def learning_curves(path: Path, name: str = "policy") -> dict[str, Path]:
     return {name: own} if own.is_file() else {f"{name}, {f.stem.replace('-', ' ')}": f for f in seeds}
 
 
+def score(reward: float, cost: float, budget: float | None) -> float:
+    """What is largest for the policy that is kept: the reward within the budget, and less the larger the cost beyond.
+
+    The reward of an episode is -1 at least, so that every policy within the budget is better than any other.
+    """
+    return reward if budget is None or cost <= budget else -1.0 - cost / budget
+
+
 def conditions(about: Mapping[str, Any]) -> dict[str, Any]:
     """Arguments of ``make`` in the training of a policy, except the control time, which the policy keeps itself."""
     return {key: value for key, value in about["settings"]["environment"].items() if key != "control_dt"}

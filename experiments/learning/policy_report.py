@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from steer_env import friction, tasks
 from steer_env.episode.randomise import RANGES
 from steer_env.experiments.learning import held_out
-from steer_env.experiments.learning.constants import HELD_OUT
+from steer_env.experiments.learning.constants import CONSTRAINT, HELD_OUT
 from steer_env.experiments.learning.controllers import Maker, baselines
 from steer_env.experiments.learning.held_out import Episodes, Estimate
 from steer_env.experiments.pages import plots, provenance
@@ -199,14 +199,15 @@ def _picture(frame: Any) -> str:
     return "data:image/png;base64," + base64.b64encode(file.getvalue()).decode()
 
 
-def read_curve(path: Path) -> dict[str, Array]:
+def read_curve(path: Path, needed: Collection[str] = ("steps", "reward")) -> dict[str, Array]:
     """Columns of a learning curve: seconds and steps of training, then means of the validation episodes."""
     try:
         header, *rows = [*csv.reader(io.StringIO(toml.text(path), newline=""))] or [[]]
     except csv.Error as error:
         raise ValueError(f"{path}: {error}") from None
-    if not {"steps", "reward"} <= set(header):
-        raise ValueError(f"{path}: line 1: expected names of columns, steps and reward among them, got {header}")
+    if not set(needed) <= set(header):
+        words = " and ".join(needed)
+        raise ValueError(f"{path}: line 1: expected names of columns, {words} among them, got {header}")
     for line, row in enumerate(rows, 2):
         if len(row) != len(header) or not all(isinstance(read_number(cell), float) for cell in row):
             raise ValueError(f"{path}: line {line}: expected {len(header)} numbers, got {row}")
@@ -219,20 +220,31 @@ def aim(metrics: Collection[str]) -> str:
 
 
 def _learning(curves: Mapping[str, Path], units: Mapping[str, str]) -> str:
-    """A plot of the validation means of each run over the steps of training."""
+    """A plot of the validation means of each run over the steps of training, and of its rollouts with a budget."""
     runs = {name: read_curve(path) for name, path in curves.items()}
+    beside = {name: path.with_name(CONSTRAINT) for name, path in curves.items()}
+    bound = {name: read_curve(path, ("steps", "cost", "multiplier")) for name, path in beside.items() if path.is_file()}
+    first = next(iter(runs.values()))
+    wanted = [name for name in dict.fromkeys(("reward", aim(first), "cost")) if name in first]
+    titled = [(label(name) + _bracketed(units.get(name, "1")), name, runs) for name in wanted]
+    if bound:
+        titled += [("cost, rollouts", "cost", bound), ("multiplier of the cost", "multiplier", bound)]
     shown = [
         plots.Panel(
             "steps of training",
-            label(metric) + (f" [{units[metric]}]" if units.get(metric, "1") not in ("", "1") else ""),
+            title,
             [
                 plots.Line(name.replace("_", " "), run["steps"], run[metric], colour)
-                for colour, (name, run) in zip(colours(runs), runs.items())
+                for colour, (name, run) in zip(colours(of), of.items())
             ],
         )
-        for metric in ("reward", aim(next(iter(runs.values()))))
+        for title, metric, of in titled
     ]
     return plots.markup(shown, "learning", False)
+
+
+def _bracketed(unit: str) -> str:
+    return f" [{unit}]" if unit not in ("", "1") else ""
 
 
 def write(
@@ -265,6 +277,7 @@ def write(
         "others": "the baselines" if set(names[1:]) <= baselines(found.env_id).keys() else "the others",
         "shade": shade,
         "curve": _learning(curves, found.units) if curves else "",
+        "budgeted": any(path.with_name(CONSTRAINT).is_file() for path in curves.values()),
         "first_seed": HELD_OUT,
     }
     page = Page("policies", values)

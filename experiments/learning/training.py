@@ -19,7 +19,7 @@ import json
 import pickle
 import random
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import metadata
 from importlib.resources import files
@@ -30,7 +30,7 @@ import numpy as np
 
 from steer_env import experiments, tasks
 from steer_env.experiments.learning import held_out, policy
-from steer_env.experiments.learning.constants import VALIDATION
+from steer_env.experiments.learning.constants import CONSTRAINT, VALIDATION
 from steer_env.experiments.pages import provenance
 from steer_env.experiments.pages.files import usable, write_json, write_text
 from steer_env.experiments.pages.options import Friction
@@ -71,6 +71,16 @@ def load(out: Path) -> dict[str, Any]:
     return state
 
 
+def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write a table, which appears or is replaced as a whole; nothing where there is no row."""
+    if rows:
+        text = io.StringIO(newline="")
+        writer = csv.DictWriter(text, rows[0], lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+        write_text(path, text.getvalue())
+
+
 def append(out: Path, row: Mapping[str, Any]) -> None:
     """Add a row to the curve."""
     path, text = out / CURVE, io.StringIO(newline="")
@@ -81,13 +91,14 @@ def append(out: Path, row: Mapping[str, Any]) -> None:
     write_text(path, (path.read_text(encoding="utf-8") if path.exists() else "") + text.getvalue())
 
 
-def best(out: Path) -> float:
-    """Reward of the best policy when it was validated; minus infinity where there is none yet."""
+def best(out: Path, budget: float | None = None) -> float:
+    """Score of the best policy when it was validated (:func:`policy.score`); minus infinity where there is none."""
     if not (out / BEST).is_file():
         return -np.inf
     steps = policy.about(out / BEST)["steps"]
     with (out / CURVE).open(encoding="utf-8", newline="") as file:
-        return max(float(row["reward"]) for row in csv.DictReader(file) if int(row["steps"]) == steps)
+        rows = [row for row in csv.DictReader(file) if int(row["steps"]) == steps]
+    return max(policy.score(float(row["reward"]), float(row["cost"]), budget) for row in rows)
 
 
 def validated(out: Path) -> int:
@@ -128,6 +139,8 @@ CHECKPOINT_EVERY, VALIDATE_EVERY = 60.0, 60.0  # [s]
 # With a given number of steps the interval is in steps, so that the policy that is kept does not depend on the machine.
 VALIDATE_STEPS = 200_000
 VALIDATED = 32  # episodes of each validation
+# Exploration noise has a cost too: with a budget it begins at 0.14 of the action; by trial in AssistWeave.
+BUDGET_NOISE = -2.0  # log of its standard deviation
 # A training with the defaults of Stable-Baselines3: sub-environments, and the sizes of the networks there.
 LIBRARY_ENVS, LIBRARY_NETWORKS = 4, {"ppo": [64, 64], "recurrent-ppo": [64, 64], "sac": [256, 256]}
 
@@ -193,7 +206,7 @@ def new_model(algo: str, env: Any, chosen: dict[str, Any], seed: int, logs: str 
     import torch
 
     torch.set_num_threads(1)  # more threads are slower with networks of this size
-    own = {"num_envs", "net_arch", "policy_kwargs", "learning_rate_decay", "scaled", "frames"}
+    own = {"num_envs", "net_arch", "policy_kwargs", "learning_rate_decay", "scaled", "frames", "cost_budget"}
     return policy.algorithm(algo)(
         "MlpLstmPolicy" if algo == "recurrent-ppo" else "MlpPolicy",
         env,
@@ -280,6 +293,8 @@ class Training:
 
     car : mapping, optional
         Contents of a car file to train on, for a new run; default: the packaged compact car.
+    cost_budget : float, optional
+        Of the cost of an episode, which a Lagrange multiplier keeps, for a new run; default: the reward alone counts.
 
     Raises
     ------
@@ -299,6 +314,7 @@ class Training:
         friction: Friction | None = None,
         library: bool = False,
         car: Mapping[str, Any] | None = None,
+        cost_budget: float | None = None,
     ) -> None:
         policy.check_driven(env_id)
         state: dict[str, Any] = {"algo": "ppo", "seed": 0, "friction": "lugre"}
@@ -315,7 +331,7 @@ class Training:
                         f"the checkpoint in {out} is of {key} {state[key]}, not {value}: resume with "
                         f"--{key} {state[key]}, or train in another directory"
                     )
-            self.seconds, self.best, self._trained = state["seconds"], best(out), state["steps"]
+            self.seconds, self._trained = state["seconds"], state["steps"]
             self.validated, self.next_validation = validated(out), state["next"]
         else:
             usable(out)
@@ -330,6 +346,17 @@ class Training:
         self.settings: dict[str, Any] = state["settings"] if resume else own(env_id, self.algo)
         if car is not None and not resume:
             self.settings = {**self.settings, "environment": {**self.settings["environment"], "vehicle": dict(car)}}
+        if cost_budget is not None and not resume:
+            if self.algo == "sac":
+                raise ValueError(
+                    "cost_budget needs an algorithm that trains on rollouts, ppo or recurrent-ppo, got sac"
+                )
+            chosen = self.settings["algorithm"]
+            chosen["cost_budget"] = number("cost_budget", cost_budget, minimum=0.0, above=True)
+            if not library:
+                chosen["policy_kwargs"] = {**chosen.get("policy_kwargs", {}), "log_std_init": BUDGET_NOISE}
+        if resume:
+            self.best = best(out, self._budget)
 
     def run(
         self,
@@ -365,13 +392,14 @@ class Training:
         self.out.mkdir(parents=True, exist_ok=True)
         if not self._resume:
             write_json(self.out / "settings.json", {**self._identity, **self.settings})
-        clock = _Clock(self, minutes, steps, notify)
+        run, clock = self, _Clock(self, minutes, steps, notify)
         self._command = self._words(f"--minutes {minutes:g}" if minutes else f"--steps {steps}")
 
         class Callback(BaseCallback):
             """Passes each rollout and step to the clock."""
 
             def _on_rollout_start(self) -> None:
+                run.update(self.model)
                 clock.pause(self.model)
 
             def _on_step(self) -> bool:
@@ -394,6 +422,7 @@ class Training:
         from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
 
         from steer_env.experiments.learning.guard import GuardedVecEnv
+        from steer_env.experiments.learning.lagrange import PenalisedVecEnv
         from steer_env.sb3 import SteerVecEnv
 
         chosen = self.settings["algorithm"]
@@ -403,7 +432,10 @@ class Training:
         self._observations = [quantity.name for quantity in self._raw.vector.batch.observed]
         caution = policy.guard_of({"settings": self.settings})
         self._guarded = None if caution is None else GuardedVecEnv(self._raw, caution)
-        monitored = VecMonitor(self._guarded or self._raw)
+        monitored: Any = VecMonitor(self._guarded or self._raw)
+        self._penalised = None
+        if self._budget is not None:
+            monitored = self._penalised = PenalisedVecEnv(monitored, self._budget)
         if not self._resume:
             scaled = policy.is_scaled({"settings": self.settings})
             self._env = VecNormalize(monitored, scaled, scaled, gamma=chosen.get("gamma", 0.99))
@@ -412,6 +444,8 @@ class Training:
         kept = {key: self.out / FOLDER / self._files[key] for key in ("model", "scaling", "session")}
         self._env = VecNormalize.load(str(kept["scaling"]), monitored)
         session = pickle.loads(kept["session"].read_bytes())
+        if self._penalised:
+            self._penalised.set_state(self._files["constraint"])
         model = policy.algorithm(self.algo).load(
             kept["model"],
             env=self._env,
@@ -430,6 +464,8 @@ class Training:
         words = f"steer-env train --env {self.env_id} --algo {self.algo} --seed {self.seed} {length}"
         if not policy.is_scaled({"settings": self.settings}):
             words += " --library-defaults"
+        if self._budget is not None:
+            words += f" --cost-budget {self._budget:g}"
         if self.friction.text != "lugre":
             words += f" --friction {self.friction.text}"
         return words + " --resume" * self._resume
@@ -450,6 +486,12 @@ class Training:
         if minutes is not None:
             return self.seconds >= 60.0 * number("minutes", minutes, minimum=0.0, above=True)
         return number("steps", steps, minimum=1.0) <= self._trained
+
+    @property
+    def _budget(self) -> float | None:
+        """Of the cost of an episode, if there is one [1]."""
+        budget: float | None = self.settings["algorithm"].get("cost_budget")
+        return budget
 
     @property
     def _identity(self) -> dict[str, Any]:
@@ -500,10 +542,20 @@ class Training:
             model._last_lstm_states = session["hidden"]
         _set_random_state(session["random"])
 
+    def update(self, model: Any) -> None:
+        """Between two rollouts: update the multiplier of the cost, if there is a budget."""
+        if self._penalised:
+            self._penalised.update(model.num_timesteps)
+
     def checkpoint(self, model: Any, seconds: float, within: bool = False) -> None:
         """Write what resuming needs; ``within`` a rollout its session cannot go on, and a new one begins."""
         state = {**self._identity, "steps": model.num_timesteps, "seconds": seconds, "next": self.next_validation}
+        if self._penalised:
+            self.update(model)
+            state["constraint"] = self._penalised.get_state()
         save(self.out, state, model, self._env, None if within else self._session(model))
+        if self._penalised:
+            write_rows(self.out / CONSTRAINT, [row._asdict() for row in self._penalised.rows])
 
     def validate(self, model: Any, seconds: float) -> None:
         """Evaluate the present policy on the validation seeds, and keep it if it is the best so far."""
@@ -519,17 +571,17 @@ class Training:
                 **policy.conditions({"settings": self.settings}),
             )
         self.validated = model.num_timesteps
-        reward = float(found.reward.mean())
+        reward, cost = float(found.reward.mean()), float(found.cost.mean())
         row = {
             "seconds": round(seconds, 1),
             "steps": model.num_timesteps,
             "reward": reward,
-            "cost": float(found.cost.mean()),
+            "cost": cost,
         }
         row |= {name: float(values.mean()) for name, values in found.metrics.items()}
         append(self.out, row)
-        if reward > self.best:
-            self.best = reward
+        if (score := policy.score(reward, cost, self._budget)) > self.best:
+            self.best = score
             latest.replace(self.out / BEST)
         else:
             latest.unlink()

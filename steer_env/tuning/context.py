@@ -1,4 +1,4 @@
-"""What is known of a car to be tuned: load, steering, road, and the friction, measured as on a rig for every law."""
+"""What is known of a car to be tuned: load, steering, road, friction, measured as on a rig, and the wanted feel."""
 
 from typing import NamedTuple
 
@@ -8,6 +8,7 @@ from steer_env.episode.randomise import Conditions, with_level
 from steer_env.friction.level import by_sample
 from steer_env.friction.response import response
 from steer_env.manoeuvres.common.driving import steering_stiffness
+from steer_env.metrics import Value
 from steer_env.tasks import Quantity
 from steer_env.tasks.common.definition import SPEED
 from steer_env.vehicle.cars import Car
@@ -26,6 +27,13 @@ class Context(NamedTuple):
     road_friction: float  # relative to the tyre's measurements [1]
     friction_torque: float  # sliding friction at 0.1 rad/s, at the column with an unloaded rack [N m]
     friction_stiffness: float  # friction torque over angle, 1 mrad from rest [N m/rad]
+
+
+class Known(NamedTuple):
+    """What is the same for every parameter set of a context."""
+
+    context: Context
+    own: dict[str, Value]  # metrics of the car's own assist, about which the wanted bands lie
 
 
 OBSERVED = (

@@ -11,6 +11,7 @@ from steer_env.friction.numerics.thread_pool import one_blas_thread
 from steer_env.manoeuvres.common.driving import OpenLoop, build_plant, drive_plant, open_loop
 from steer_env.metrics import Value
 from steer_env.recording.recording import Recording
+from steer_env.tuning.context import Known, context
 from steer_env.tuning.scenarios.common.definition import Drive, Scenario
 from steer_env.vehicle import layout, plant
 from steer_env.vehicle.cars import Car
@@ -79,6 +80,12 @@ def _margins(drives: tuple[PreparedDrive, ...], assist: Assist) -> Margins:
     every = [worst_margins(drives[0].car.column, assist, speed) for speed in sorted(speeds)]
     worst = min(every, key=lambda m: m.phase)
     return worst._replace(gain=min(m.gain for m in every), stable=all(m.stable for m in every))
+
+
+def known(drives: tuple[PreparedDrive, ...], car: Car, chassis: str, drawn: Conditions) -> Known:
+    """What is the same for every parameter set of a context, whose drives are prepared."""
+    with one_blas_thread():
+        return Known(context(car, chassis, drawn), evaluate(drives, car.assist))
 
 
 def evaluate(drives: tuple[PreparedDrive, ...], assist: Assist) -> dict[str, Value]:

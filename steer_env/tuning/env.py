@@ -18,7 +18,7 @@ from steer_env.friction.numerics.frozen import frozen
 from steer_env.metrics import Value, definition
 from steer_env.targets import load as load_targets
 from steer_env.tasks import Quantity
-from steer_env.tuning import context, driving, reward
+from steer_env.tuning import context, driving, reward, start
 from steer_env.tuning.parameters import KNOWN, keys, reported, tuned, values
 from steer_env.tuning.scenarios.common.definition import SPEEDS, Scenario
 from steer_env.vehicle import cars
@@ -29,6 +29,8 @@ from steer_env.vehicle.steering.margins import Margins
 
 SETS = 8  # default of the parameter sets in an episode
 SPEED = 100.0 / 3.6  # default of the context's speed [m/s]
+DETUNING = 0.8  # default of the largest offset of the start; assumed [1]
+TOLERANCE = 0.1  # default of the width of a wanted band over that of the target band, about what hands notice; assumed
 DRAWN = ("load", "road_friction", "friction_level", "speed")  # keys of RANGES; there are no sensors in the loop
 _MARGINS = (
     Quantity("phase_margin", "deg", 180.0, "smallest one of the assist loop"),
@@ -37,10 +39,18 @@ _MARGINS = (
 _REFUSED = Quantity("refused", "1", 1.0, "share of the metrics above that the tests refused; these are 0")
 
 
+def wanted(scenario: Scenario) -> tuple[str, ...]:
+    """The observed metrics that are tuned: those with a target band of the default targets that weighs."""
+    terms = reward.terms(scenario, load_targets("compact"), None)
+    return tuple(name for name in scenario.bounds if name in terms and terms[name].weight)
+
+
 def observed(scenario: Scenario) -> tuple[Quantity, ...]:
     """All observations of a scenario in their order."""
+    aims = ((name, definition(name).unit, scenario.bounds[name]) for name in wanted(scenario))
     return (
         *context.OBSERVED,
+        *(Quantity(f"wanted_{name}", unit, bound, "middle of the wanted band") for name, unit, bound in aims),
         *(Quantity(f"last_{name}", "1", 1.0, "this parameter in the last action") for name in scenario.parameters),
         *(Quantity(name, definition(name).unit, bound, "of the last set") for name, bound in scenario.bounds.items()),
         *_MARGINS,
@@ -59,6 +69,10 @@ def _chosen(parameters: Sequence[str]) -> tuple[str, ...]:
 class TuneEnv(PlainSpecification, gym.Env):
     """A car's assist is tuned for a friction law and a road; every id is this class with a scenario of its own.
 
+    An episode starts with the car's own assist out of tune: an offset of every parameter is drawn and not observed. The
+    wanted bands are narrow and lie about the metrics that the car's own assist gives in the context, inside the target
+    bands, so that the best set is near the car's own one, wherever the start is.
+
     Arguments
     ---------
     friction : str, mapping or parameters, default "lugre"
@@ -75,6 +89,11 @@ class TuneEnv(PlainSpecification, gym.Env):
         A packaged tyre or a ``.tir`` file that replaces the car's own.
     targets : str, default "compact"
         Packaged target bands (``steer_env.targets.available()``) or a ``.toml`` file.
+    detuning : float, default 0.8
+        Largest offset of a parameter at the start, 0 to 1, in the unit of the action; 0: the start is the car's own
+        assist.
+    tolerance : float, default 0.1
+        Width of the wanted bands over that of the target bands, above 0 and at most 1, where they are the same.
     randomise : mapping, optional
         What to draw at every reset: load, road_friction, friction_level, speed to (low, high), and under
         "friction" the law's own parameters, as in ``{"load": (0, 300), "friction": {"F_c": (0.6, 1.2)}}``.
@@ -95,13 +114,13 @@ class TuneEnv(PlainSpecification, gym.Env):
         There is no rendering.
 
     Any other keyword is an error. ``reset(options=...)`` fixes what would be drawn. ``baseline_action`` is the action
-    of the car's own assist.
+    of the start, ``own_action`` that of the car's own assist.
 
     ``info`` has the same keys at reset, at every step and at the end: ``cost``, and dicts of floats ``context``,
-    ``parameters`` (of the set), ``evaluated`` (its metrics, NaN where one is refused), ``margins``, ``reward_terms``,
-    ``cost_terms``, ``best`` (reward and parameters of the best set so far) and ``metrics`` (those of the best set).
-    What there is not yet is NaN. ``units`` are those of the metrics, ``refused`` the reasons of the last set by metric,
-    and ``best_action`` is the action of the best set so far.
+    ``parameters`` (of the set), ``wanted`` (middles of the wanted bands), ``evaluated`` (the set's metrics, NaN where
+    one is refused), ``margins``, ``reward_terms``, ``cost_terms``, ``best`` (reward and parameters of the best set so
+    far) and ``metrics`` (those of the best set). What there is not yet is NaN. ``units`` are those of the metrics,
+    ``refused`` the reasons of the last set by metric, and ``best_action`` is the action of the best set so far.
     """
 
     metadata = {"render_modes": []}  # noqa: RUF012 (Gymnasium's own form)
@@ -116,6 +135,8 @@ class TuneEnv(PlainSpecification, gym.Env):
         chassis: str = "single_track",
         tyre: str | None = None,
         targets: str = "compact",
+        detuning: float = DETUNING,
+        tolerance: float = TOLERANCE,
         randomise: Mapping[str, Any] | None = None,
         weights: Mapping[str, float] | None = None,
         parameters: Sequence[str] | None = None,
@@ -142,7 +163,10 @@ class TuneEnv(PlainSpecification, gym.Env):
         self._randomise = Randomise(randomise, friction, self.speed, self.car, self._limits)
         self.targets = load_targets(targets)
         self.terms = reward.terms(self.scenario, self.targets, weights)
-        self._quantities = observed(self.scenario)
+        self.detuning = number("detuning", detuning, minimum=0.0, maximum=1.0)
+        self.tolerance = number("tolerance", tolerance, minimum=0.0, maximum=1.0, above=True)
+        self._quantities, self._aims = observed(self.scenario), wanted(self.scenario)
+        self.wanted = self.terms  # with the bands of the present context
         bound = np.array([quantity.bound for quantity in self._quantities], np.float32)
         n = len(self.scenario.parameters)
         self.action_space = gym.spaces.Box(-1.0, 1.0, (n,), np.float32)
@@ -154,7 +178,8 @@ class TuneEnv(PlainSpecification, gym.Env):
             worst = [reward.worst(self.terms, name) for name in self.reward_components]
             self.reward_space = gym.spaces.Box(np.array(worst, np.float32), np.zeros(self.reward_dim, np.float32))
         self._vector_reward = bool(vector_reward)
-        self._drawn: tuple[Conditions, context.Context] | None = None
+        self._drawn: tuple[Conditions, context.Known] | None = None
+        self._start = self._next = np.zeros(n)  # offset of the start, of this episode and of the one drawn last
         self._drives: tuple[driving.PreparedDrive, ...] = ()  # in the context; empty where others drive
         self._left = 0.0  # parameter sets left in the episode
         self.units = {name: definition(name).unit for name in self.scenario.metrics}
@@ -185,24 +210,32 @@ class TuneEnv(PlainSpecification, gym.Env):
 
     @property
     def baseline_action(self) -> NDArray[np.float32]:
-        """The action of the car's own assist."""
+        """The action of the start."""
         return np.zeros(len(self.scenario.parameters), np.float32)
 
     @property
+    def own_action(self) -> NDArray[np.float32]:
+        """The action of the car's own assist, to the rounding of float32, in the present episode."""
+        return (0.0 - self._start).astype(np.float32)
+
+    @property
     def parameters(self) -> dict[str, tuple[str, float, float, float]]:
-        """Of each parameter in the action: unit, value at -1, the car's own value and value at 1."""
+        """Of each parameter in the action: unit, value at -1, value of the start and value at 1."""
         a = self.car.assist
-        named = ((name, KNOWN[name]) for name in self.scenario.parameters)
-        return {name: (p.unit, p.value(a, -1.0), p.value(a, 0.0), p.value(a, 1.0)) for name, p in named}
+        named = [(name, KNOWN[name], x) for name, x in zip(self.scenario.parameters, self._start.tolist())]
+        return {name: (p.unit, p.value(a, x - 1.0), p.value(a, x), p.value(a, x + 1.0)) for name, p, x in named}
 
     def tuned_car(self, action: NDArray[Any]) -> cars.Car:
         """The car with the parameter set of an action, whose assist is to the bit the one that :meth:`step` drives.
 
         ``steer_env.vehicle.cars.write(env.tuned_car(env.best_action), "tuned.toml")`` writes it as a car file.
         """
-        a = self.car.assist
         data = {**self.car.data(), "name": f"{self.car.name}_tuned"}
-        return cars.load({**data, "assist": keys(a, values(a, self.scenario.parameters, clipped(action)))})
+        return cars.load({**data, "assist": keys(self.car.assist, self._values(clipped(action)))})
+
+    def _values(self, action: NDArray[Any]) -> dict[str, float]:
+        """The value of every parameter at an action in [-1, 1] in the present episode."""
+        return values(self.car.assist, self.scenario.parameters, self._start + action)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -216,24 +249,29 @@ class TuneEnv(PlainSpecification, gym.Env):
         """
         drawn = self.draw(seed, options)
         if self._drawn is None or not self._drawn[0].same_plant(drawn):
-            known = context.context(self.car, self.chassis, drawn)
             self._drives = driving.prepare(self.scenario, self.car, self.chassis, drawn)
+            known = driving.known(self._drives, self.car, self.chassis, drawn)
         else:
             known = self._drawn[1]
         return self.begin(drawn, known)
 
     def draw(self, seed: int | None, options: dict[str, Any] | None) -> Conditions:
-        """The conditions of the next episode, as :meth:`reset` draws them."""
+        """The conditions of the next episode, as :meth:`reset` draws them, which has the drawn start."""
         super().reset(seed=None if seed is None else whole("seed", seed, 0))
         options = options or {}
         for key in options:
             if key not in DRAWN:
                 raise ValueError(f"unknown reset option {key!r}; {self.scenario.name} takes: {', '.join(DRAWN)}")
-        return self._randomise.draw(self.np_random, options)
+        drawn = self._randomise.draw(self.np_random, options)
+        speeds = {each.manoeuvre.speed for each in driving.adapted(self.scenario, self.chassis, drawn)}
+        names = self.scenario.parameters
+        self._next = start.drawn(self.np_random, self.car, names, sorted(speeds), self.detuning)
+        return drawn
 
-    def begin(self, drawn: Conditions, known: context.Context) -> tuple[NDArray[np.float32], dict[str, Any]]:
+    def begin(self, drawn: Conditions, known: context.Known) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Start an episode in the context of drawn conditions: what :meth:`reset` returns."""
-        self._drawn = drawn, known
+        self._drawn, self._start = (drawn, known), self._next
+        self.wanted = reward.wanted(self.terms, known.own, self.tolerance)
         self._left = math.inf if self.sets is None else self.sets
         self._forget()
         nothing = {
@@ -265,7 +303,7 @@ class TuneEnv(PlainSpecification, gym.Env):
 
     def assist(self, action: NDArray[Any]) -> Assist:
         """The assist of an action in [-1, 1]."""
-        return tuned(self.car.assist, values(self.car.assist, self.scenario.parameters, action))
+        return tuned(self.car.assist, self._values(action))
 
     def told(
         self, action: NDArray[Any], tried: driving.Tried
@@ -273,14 +311,14 @@ class TuneEnv(PlainSpecification, gym.Env):
         """What :meth:`step` returns for an action and what its tests gave."""
         found, margins = tried
         shortfall = reward.margin_shortfall(margins)
-        terms = reward.reward_terms(self.terms, found, shortfall)
+        terms = reward.reward_terms(self.wanted, found, shortfall)
         total = float(sum(terms.values()))
         self._left -= 1
         self.refused = {name: value.reason for name, value in found.items() if value.reason}
         evaluated = {name: math.nan if found[name].reason else float(found[name].value) for name in self.units}
         if self.best_action is None or total > self._best["reward"]:
             self.best_action, self._metrics = action.copy(), evaluated
-            self._best = {"reward": total, **values(self.car.assist, self.scenario.parameters, action)}
+            self._best = {"reward": total, **self._values(action)}
         results = {
             "evaluated": evaluated,
             "margins": {"phase_deg": math.degrees(margins.phase), "gain_db": reward.decibels(margins.gain)},
@@ -295,8 +333,9 @@ class TuneEnv(PlainSpecification, gym.Env):
         """The info of a parameter set with its results; plain floats, in dicts of their own."""
         assert self._drawn is not None
         every = {
-            "context": self._drawn[1]._asdict(),
-            "parameters": values(self.car.assist, self.scenario.parameters, action),
+            "context": self._drawn[1].context._asdict(),
+            "parameters": self._values(action),
+            "wanted": {name: sum(term.band.good) / 2.0 for name, term in self.wanted.items()},
             **results,
             "best": self._best,
             "metrics": self._metrics,
@@ -311,7 +350,8 @@ class TuneEnv(PlainSpecification, gym.Env):
         """The context and the last parameter set with its results, which are zero before the first."""
         assert self._drawn is not None
         seen = np.zeros(len(self._quantities))
-        known = self._drawn[1]
+        aims = [sum(self.wanted[name].band.good) / 2.0 if name in self.wanted else 0.0 for name in self._aims]
+        known = [*self._drawn[1].context, *aims]
         seen[: len(known)] = known
         if action is not None and margins is not None:
             metrics = [found[name] for name in self.scenario.bounds]

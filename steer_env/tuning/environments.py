@@ -11,9 +11,9 @@ from steer_env.environments import table
 from steer_env.episode.randomise import RANGES
 from steer_env.metrics import definition
 from steer_env.registration import history
-from steer_env.tuning import reward
-from steer_env.tuning.env import DRAWN, SETS, TuneEnv, observed
-from steer_env.tuning.parameters import PARAMETERS
+from steer_env.tuning import reward, start
+from steer_env.tuning.env import DETUNING, DRAWN, SETS, TOLERANCE, TuneEnv, observed
+from steer_env.tuning.parameters import KNOWN
 from steer_env.tuning.scenarios.common.definition import SCENARIOS, Scenario
 from steer_env.tuning.vector import TuneVectorEnv
 from steer_env.vehicle import cars
@@ -29,7 +29,7 @@ def _documentation(scenario: Scenario) -> str:
     a, wanted = cars.load().assist, targets.load("compact")
     actions = []
     for i, name in enumerate(scenario.parameters):
-        p = PARAMETERS[name]
+        p = KNOWN[name]
         ends = (f"{p.value(a, at):.4g}" for at in (-1.0, 0.0, 1.0))
         actions.append((str(i), f"`{name}`: {p.meaning}", *ends, p.unit))
     observations = [
@@ -56,8 +56,10 @@ def _documentation(scenario: Scenario) -> str:
         _filled(scenario.summary),
         "## Action",
         _filled(
-            f"`Box(-1, 1, ({len(actions)},))`: a parameter set of the assist. The values below are those of the "
-            "packaged compact car; 0 is every car's own value, 1 multiplies and -1 divides it by the same factor."
+            f"`Box(-1, 1, ({len(actions)},))`: a parameter set of the assist, relative to the start of the episode. "
+            "The values below are those of the packaged compact car with `detuning=0`, where 0 is every car's own "
+            "value. 1 multiplies and -1 divides a factor or a corner by the same number; a strength is 0 where it "
+            "would be below."
         ),
         table(("index", "parameter", "at -1", "at 0", "at 1", "unit"), actions),
         "## Observation",
@@ -65,11 +67,14 @@ def _documentation(scenario: Scenario) -> str:
         table(("index", "observation", "bound", "unit"), observations),
         "## Reward",
         _filled(
-            "The reward is minus the sum of the weighted terms. The term of a metric is its distance from its band "
-            f"over the band's width, at most {reward.MAX_DISTANCE:g}; it is 0 inside the band and "
-            f"{reward.MAX_DISTANCE:g} for a refused metric. The term of a margin is its shortfall below its least "
-            "value over that value; it is 1 if the loop is unstable. "
-            'The terms are in `info["reward_terms"]`; the bands are those of `targets="compact"`. With '
+            "The reward is minus the sum of the weighted terms. The term of a metric comes from its distance x from "
+            f"its wanted band, in widths of that band: x/(1 + x/{reward.MAX_DISTANCE:g}), which is 0 inside the band "
+            f"and rises everywhere, below {reward.MAX_DISTANCE:g}, that of a refused metric. The wanted band is "
+            f'{TOLERANCE:g} times as wide as the target band below, which is that of `targets="compact"`; it lies '
+            "about what the car's own assist gives in the context, but inside the target band, and is the whole target "
+            "band where that metric is refused. The term of a margin is its shortfall below its least value over that "
+            "value; it is 1 if the loop is unstable. "
+            'The terms are in `info["reward_terms"]`. With '
             "`vector_reward=True` the reward is an array of the terms that weigh more than 0, for multi-objective "
             "learning and Pareto fronts, in the form of MO-Gymnasium."
         ),
@@ -88,7 +93,13 @@ def _documentation(scenario: Scenario) -> str:
             'them), `info["metrics"]` those with the best set so far; NaN where a metric is refused, and before the '
             "first set."
         ),
-        "## Start\n\nA context is drawn; `options` fix what would be drawn.",
+        "## Start",
+        _filled(
+            "A context is drawn; `options` fix what would be drawn. The car's own assist is put out of tune: every "
+            f"parameter by {start.LEAST * DETUNING:g} to {DETUNING:g} in the unit of the action, up or down, a "
+            "strength up, so that the loop is stable with two thirds of the wanted margins. The offsets are not "
+            "observed; `env.unwrapped.own_action` is the action that undoes them."
+        ),
         f"## End\n\nThe episode is truncated after {SETS} parameter sets, or as many as the argument `sets` says.",
         "## Arguments",
         "Those of `steer_env.tuning.TuneEnv`. `reset(options={...})` fixes what would be drawn:",

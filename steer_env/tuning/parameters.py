@@ -4,12 +4,13 @@
     damping'(v)  = level low(v) damping(v)
     low(v)       = factor at standstill ^ max(1 - v/v_1, 0)               v_1 = 100 km/h
 
-An action a in [-1, 1] gives a parameter the value own * span^a: the car's own value at 0, and a valid one wherever the
-car's own is. The spans are assumed: as far as an engineer would go, and further to where the loop's margins are lost.
+A position a, an action in [-1, 1] and the offset of the start (:mod:`steer_env.tuning.start`), gives a parameter the
+value own * span^a: the car's own value at 0, and a valid one wherever the car's own is. The spans are assumed: as far
+as an engineer would go, and further to where the loop's margins are lost.
 
 The strength of a function of the assist (``FUNCTIONS``), which most cars do not have, is own (1 + a) below 0 and
-own + reach a above: off at -1, the car's own at 0. Keys that the function has besides stay the car's own, or their
-defaults where the car does not have the function. ``TuneEnv(parameters=...)`` adds them to the action.
+own + reach a above: off at -1 and below, the car's own at 0. Keys that the function has besides stay the car's own, or
+their defaults where the car does not have the function. ``TuneEnv(parameters=...)`` adds them to the action.
 """
 
 from collections.abc import Callable, Mapping
@@ -35,14 +36,14 @@ class Parameter(NamedTuple):
 
     name: str
     unit: str
-    span: float  # action 1 multiplies the car's own value by this, and action -1 divides it [1]
+    span: float  # position 1 multiplies the car's own value by this, and position -1 divides it [1]
     meaning: str
     own: Callable[[Assist], float] = lambda a: 1.0  # the car's own value
     highest: float = np.inf  # limit of the value, whatever the span [unit]
 
-    def value(self, a: Assist, action: float) -> float:
-        """The value at an action in [-1, 1] for an assist [unit]."""
-        return min(self.own(a) * self.span**action, self.highest)
+    def value(self, a: Assist, position: float) -> float:
+        """The value at a position for an assist [unit]."""
+        return min(self.own(a) * self.span**position, self.highest)
 
 
 class Strength(NamedTuple):
@@ -50,7 +51,7 @@ class Strength(NamedTuple):
 
     name: str  # of the key in a car file
     unit: str
-    reach: float  # what action 1 adds to the car's own value [unit]
+    reach: float  # what position 1 adds to the car's own value [unit]
     meaning: str
     highest: float  # limit of the value [unit]
 
@@ -58,10 +59,10 @@ class Strength(NamedTuple):
         """The car's own value [unit]."""
         return float(np.max(functions.keys(a.functions, SAMPLE_TIME).get(self.name, 0.0)))
 
-    def value(self, a: Assist, action: float) -> float:
-        """The value at an action in [-1, 1] for an assist [unit]."""
+    def value(self, a: Assist, position: float) -> float:
+        """The value at a position for an assist [unit]."""
         own = self.own(a)
-        return own * (1.0 + action) if action < 0.0 else min(own + self.reach * action, self.highest)
+        return own * max(1.0 + position, 0.0) if position < 0.0 else min(own + self.reach * position, self.highest)
 
 
 def _corner(which: int, a: Assist) -> float:
@@ -105,10 +106,10 @@ def reported(names: tuple[str, ...]) -> tuple[str, ...]:
     return (*PARAMETERS, *(name for name in FUNCTIONS if name in names))
 
 
-def values(a: Assist, names: tuple[str, ...], action: Array) -> dict[str, float]:
-    """The value of every parameter at an action (n,) on those named; the others keep the car's own value."""
-    actions = dict(zip(names, action.tolist()))
-    return {name: KNOWN[name].value(a, actions.get(name, 0.0)) for name in reported(names)}
+def values(a: Assist, names: tuple[str, ...], position: Array) -> dict[str, float]:
+    """The value of every parameter at positions (n,) of those named; the others keep the car's own value."""
+    positions = dict(zip(names, position.tolist()))
+    return {name: KNOWN[name].value(a, positions.get(name, 0.0)) for name in reported(names)}
 
 
 def keys(a: Assist, p: Mapping[str, float]) -> dict[str, Any]:

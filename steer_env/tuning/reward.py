@@ -1,4 +1,9 @@
-"""Reward of a parameter set: distances of its metrics from target bands, and shortfall of the loop's margins."""
+"""Reward of a parameter set: distances of its metrics from wanted bands, and shortfall of the loop's margins.
+
+A wanted band is a tenth of the target band, about the value that the car's own assist gives, moved into the target band
+where that is not in it (:func:`wanted`). So the wanted bands can nearly be reached together, in any context, and cover
+a small part of the parameters.
+"""
 
 import math
 from collections.abc import Mapping
@@ -11,7 +16,7 @@ from steer_env.tuning.scenarios.common.definition import Scenario
 from steer_env.vehicle.steering.margins import TARGETS as MARGINS
 from steer_env.vehicle.steering.margins import Margins
 
-MAX_DISTANCE = 3.0  # largest distance that counts, also for a refused metric; assumed [widths of the band]
+MAX_DISTANCE = 3.0  # bound of the distance, that of a refused metric; assumed [widths of the band]
 MARGIN_WEIGHT = 5.0  # of a full shortfall of a margin, relative to a metric one band off; assumed
 MARGIN_TERMS = ("phase_margin", "gain_margin")
 
@@ -42,20 +47,45 @@ def terms(scenario: Scenario, targets: Targets, weights: Mapping[str, float] | N
     return {name: Term(band, not_negative(f"weights[{name!r}]", weighted[name])) for name, band in bands.items()}
 
 
+def wanted(every: Mapping[str, Term], own: Mapping[str, Value], tolerance: float) -> dict[str, Term]:
+    """The terms with the wanted bands: as wide as the target bands times the tolerance, at the car's own metrics.
+
+    Parameters
+    ----------
+    every : mapping of str to Term
+        With the target bands.
+    own : mapping of str to Value
+        Metrics of the car's own assist in the context; the whole target band counts where one is refused.
+    tolerance : float
+        Above 0 and at most 1, where the wanted bands are the target bands [1].
+    """
+    found = {}
+    for name, term in every.items():
+        (low, high), value = term.band.good, own[name]
+        if not value.reason:
+            half = 0.5 * tolerance * (high - low)
+            middle = min(max(value.value, low + half), high - half)
+            term = term._replace(band=term.band._replace(good=(middle - half, middle + half)))
+        found[name] = term
+    return found
+
+
 def worst(wanted: Mapping[str, Term], name: str) -> float:
     """The smallest value of a term of the reward."""
     return -wanted[name].weight * MAX_DISTANCE if name in wanted else -MARGIN_WEIGHT
 
 
 def distance(value: Value, band: Band) -> float:
-    """Distance of a value from the good band over the band's width [1].
+    """Distance x of a value from the good band over the band's width, as x/(1 + x/``MAX_DISTANCE``) [1].
 
-    It is at most ``MAX_DISTANCE``, and exactly that where the metric was refused.
+    It rises everywhere, so that a set far away still tells where to go, and is bounded by ``MAX_DISTANCE``, which a
+    refused metric has.
     """
     if value.reason:
         return MAX_DISTANCE
     low, high = band.good
-    return min(max(low - value.value, value.value - high, 0.0) / (high - low), MAX_DISTANCE)
+    x = max(low - value.value, value.value - high, 0.0) / (high - low)
+    return x / (1.0 + x / MAX_DISTANCE)
 
 
 def decibels(gain: float) -> float:

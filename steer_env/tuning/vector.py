@@ -28,8 +28,8 @@ from steer_env.episode.randomise import Conditions
 from steer_env.friction.numerics.check import whole
 from steer_env.friction.numerics.thread_pool import most_threads
 from steer_env.friction.numerics.worker_process import ONE_THREAD, end_with, settle
-from steer_env.tuning import context, driving
-from steer_env.tuning.context import Context
+from steer_env.tuning import driving
+from steer_env.tuning.context import Known
 from steer_env.tuning.driving import PreparedDrive, Tried
 from steer_env.tuning.env import TuneEnv
 from steer_env.tuning.scenarios.common.definition import SCENARIOS
@@ -58,7 +58,7 @@ class Job(NamedTuple):
 
 
 class _Kept(NamedTuple):
-    context: Context
+    known: Known
     drives: tuple[PreparedDrive, ...]
 
 
@@ -66,7 +66,7 @@ _in_worker: OrderedDict[str, _Kept] = OrderedDict()  # by key, the last used one
 
 
 def perform(job: Job, kept: OrderedDict[str, _Kept] = _in_worker) -> Any:
-    """The :class:`Context` of a job, or what its assist gives there (:class:`Tried`).
+    """The :class:`Known` of a job, or what its assist gives there (:class:`Tried`).
 
     Raises
     ------
@@ -75,13 +75,13 @@ def perform(job: Job, kept: OrderedDict[str, _Kept] = _in_worker) -> Any:
     """
     if job.key not in kept:
         name, car, chassis, drawn = pickle.loads(job.course)
-        found = context.context(car, chassis, drawn)
-        kept[job.key] = _Kept(found, driving.prepare(SCENARIOS[name], car, chassis, drawn))
+        drives = driving.prepare(SCENARIOS[name], car, chassis, drawn)
+        kept[job.key] = _Kept(driving.known(drives, car, chassis, drawn), drives)
     kept.move_to_end(job.key)
     while len(kept) > job.keep:
         kept.popitem(last=False)
     own = kept[job.key]
-    return own.context if job.assist is None else driving.tried(own.drives, job.assist)
+    return own.known if job.assist is None else driving.tried(own.drives, job.assist)
 
 
 class Workers:
@@ -344,4 +344,4 @@ class _Context:
 
     drawn: Conditions
     job: Job  # that prepares it, and with an assist drives it
-    known: Context | None = None  # once it is prepared
+    known: Known | None = None  # once it is prepared

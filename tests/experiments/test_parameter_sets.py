@@ -17,7 +17,7 @@ CONTEXTS = [{"speed": 25.0}, {"friction_level": 2.0}]
 
 
 def evaluated(**options):
-    actions = np.random.default_rng(0).uniform(-0.5, 0.5, (3, 5))
+    actions = np.random.default_rng(0).uniform(-0.5, 0.5, (3, 8))
     return actions, parameter_sets.evaluate(
         ENV, actions, arguments=ARGUMENTS, contexts=CONTEXTS, seed=4, together=2, **options
     )

@@ -135,9 +135,12 @@ def test_resume_goes_on(trained, tmp_path):
         Training(WEAVE, "ppo", tmp_path / "other", friction=LUGRE, resume=True)
 
 
-@pytest.mark.parametrize("env_id", [WEAVE, ON_CENTRE])
-def test_a_killed_training_ends_as_if_it_had_not_been_killed(tmp_path, monkeypatch, env_id):
-    """With a guard and without; killed where a checkpoint lies some steps back, within a rollout of 64 steps."""
+@pytest.mark.parametrize(("env_id", "budget"), [(WEAVE, None), (ON_CENTRE, None), (WEAVE, 0.01)])
+def test_a_killed_training_ends_as_if_it_had_not_been_killed(tmp_path, monkeypatch, env_id, budget):
+    """With a guard and without, with a budget of the cost and episodes of 8 steps.
+
+    Killed where a checkpoint lies some steps back, within a rollout of 64 steps.
+    """
     monkeypatch.setattr(training, "CHECKPOINT_EVERY", 0.0)
     monkeypatch.setattr(training, "VALIDATE_STEPS", 128)
     monkeypatch.setattr(training, "VALIDATED", 2)
@@ -147,8 +150,10 @@ def test_a_killed_training_ends_as_if_it_had_not_been_killed(tmp_path, monkeypat
         if text in ("100 steps", "180 steps"):
             shutil.copytree(whole, tmp_path / text, dirs_exist_ok=True)
 
-    run = Training(env_id, None, whole, friction=LUGRE)
+    run = Training(env_id, None, whole, friction=LUGRE, cost_budget=budget)
     run.settings["algorithm"] |= SMALL
+    if budget:
+        run.settings["environment"] |= {"max_episode_steps": 8}
     run.run(steps=320, notify=watched)
     for text in ("100 steps", "180 steps"):
         (tmp_path / text).rename(killed)
@@ -159,6 +164,13 @@ def test_a_killed_training_ends_as_if_it_had_not_been_killed(tmp_path, monkeypat
                 weights.append(archive.read("policy.pth"))
         assert weights[0] == weights[1]
         assert _without_seconds(killed) == _without_seconds(whole)
+        if budget:
+            states = [
+                json.loads((out / "checkpoint" / "state.json").read_text())["constraint"] for out in (whole, killed)
+            ]
+            assert states[0] == states[1]
+            assert (killed / "constraint.csv").read_text() == (whole / "constraint.csv").read_text()
+            assert len(states[0]["rows"]) >= 4
         assert policy.about(killed / "policy.zip")["steps"] == policy.about(whole / "policy.zip")["steps"]
         shutil.rmtree(killed)
 

@@ -121,7 +121,7 @@ def test_tuning_ids_are_those_of_single_environments():
     assert np.array_equal(first, [single.reset(seed=3 + i)[0] for i, single in enumerate(singles)])
     rng = np.random.default_rng(0)
     for k in range(3):
-        actions = rng.uniform(-0.5, 0.5, (2, 5)).astype(np.float32)
+        actions = rng.uniform(-0.5, 0.5, (2, 8)).astype(np.float32)
         seen, rewards, done, infos = env.step(actions)
         assert done.tolist() == [k == 1] * 2
         for i, single in enumerate(singles):

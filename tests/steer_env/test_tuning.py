@@ -28,6 +28,7 @@ EVERYTHING = {"load": (0, 300), "road_friction": (0.8, 1.0), "friction_level": (
 # Every scenario with the default law; in the whole suite the shorter one with every other law.
 OTHERS = [law for law in friction.available() if law != "lugre"]
 ONLY = {"steer_env/TuneOnCentre-v2": {"boost_low_speed", "damping_low_speed"}, "steer_env/TuneAllRound-v2": set()}
+AS_TARGETS = {"detuning": 0.0, "tolerance": 1.0}  # from the car's own set to the target bands
 
 
 def make(name, **arguments):
@@ -50,7 +51,7 @@ def action(env, **wanted):
 @pytest.fixture(scope="module")
 def tried():
     """Metrics by set of the all-round scenario at its defaults."""
-    env = make(ALL_ROUND)
+    env = make(ALL_ROUND, **AS_TARGETS)
     sets = {"own": {}, "boosted": {"boost_level": 0.5}, "weak": {"boost_level": -0.5}, "damped": {"damping_level": 1.0}}
     sets |= {"late": {"boost_progression": 0.5}, "light parking": {"boost_low_speed": 1.0}}
     env.reset(seed=0)
@@ -80,7 +81,7 @@ def test_checkers_accept(name, law):
 
 def test_own_set_gives_the_cars_metrics():
     """To the rounding of the lead's corners, as the battery drives and reads them; the weave thinned to 100 Hz."""
-    env = make(ALL_ROUND)
+    env = make(ALL_ROUND, detuning=0.0)
     env.reset(seed=0)
     *_, info = env.step(env.baseline_action)
     found = info["evaluated"]
@@ -102,7 +103,7 @@ def test_own_set_gives_the_cars_metrics():
 def test_own_set_is_the_cars_assist(car):
     own = cars.load(car).assist
     for scenario in SCENARIOS.all().values():
-        zero = np.zeros(len(scenario.parameters), np.float32)
+        zero = np.zeros(len(scenario.parameters))
         same = parameters.tuned(own, parameters.values(own, scenario.parameters, zero))
         assert len(leaves(own)) == len(leaves(same))
         for a, b in zip(leaves(own), leaves(same)):
@@ -159,8 +160,8 @@ def test_lead_corners_are_those_given():
 def test_every_action_makes_an_assist(name):
     env, rng = make(name), np.random.default_rng(0)
     n = env.action_space.shape[0]
-    corners = np.array(np.meshgrid(*[(-1.0, 1.0)] * n)).reshape(n, -1).T
-    for tried in (*corners, *rng.uniform(-1.0, 1.0, (50, n))):
+    corners = np.array(np.meshgrid(*[(-2.0, 2.0)] * n)).reshape(n, -1).T  # of an action and the largest detuning
+    for tried in (*corners, *rng.uniform(-2.0, 2.0, (50, n))):
         a = parameters.tuned(env.car.assist, parameters.values(env.car.assist, env.scenario.parameters, tried))
         assert (np.diff(a.boost, axis=1) >= 0.0).all()
         assert a.boost.flags.writeable == env.car.assist.boost.flags.writeable  # else the plant compiles anew
@@ -170,24 +171,25 @@ def test_every_action_makes_an_assist(name):
 
 
 def test_reward_is_the_distance_to_the_bands():
-    env = make(ON_CENTRE)
+    env = make(ON_CENTRE, **AS_TARGETS)
     env.reset(seed=0)
     _, total, _, _, info = env.step(action(env, boost_level=0.5))
     assert total == pytest.approx(sum(info["reward_terms"].values()))
     low, high = env.targets.bands["weave"]["torque_at_0p1g"].good
     torque = info["evaluated"]["torque_at_0p1g"]
     assert torque < low
-    assert info["reward_terms"]["torque_at_0p1g"] == pytest.approx((torque - low) / (high - low))
+    off = (low - torque) / (high - low)
+    assert info["reward_terms"]["torque_at_0p1g"] == pytest.approx(-off / (1.0 + off / reward.MAX_DISTANCE))
     assert info["reward_terms"]["lateral_acceleration_at_0nm"] == 0.0
     assert info["cost"] == sum(info["cost_terms"].values()) == 0.0
-    doubled = make(ON_CENTRE, weights={"torque_at_0p1g": 2.0})
+    doubled = make(ON_CENTRE, weights={"torque_at_0p1g": 2.0}, **AS_TARGETS)
     doubled.reset(seed=0)
     *_, other = doubled.step(action(env, boost_level=0.5))
     assert other["reward_terms"]["torque_at_0p1g"] == 2.0 * info["reward_terms"]["torque_at_0p1g"]
 
 
 def test_lost_margins_cost():
-    env = make(ALL_ROUND)
+    env = make(ALL_ROUND, detuning=0.0)
     env.reset(seed=0)
     wild = action(env, boost_level=1.0, boost_low_speed=1.0, lead_zero=1.0)
     *_, info = env.step(wild)
@@ -198,7 +200,7 @@ def test_lost_margins_cost():
 
 
 def test_refused_metrics_cost_most_and_are_observed_as_zero():
-    env = make(ALL_ROUND)
+    env = make(ALL_ROUND, detuning=0.0)
     env.reset(seed=0, options={"friction_level": 5.0})
     observation, _, _, _, info = env.step(env.baseline_action)
     assert "turn further" in env.refused["handwheel_return_rate"]
@@ -211,7 +213,11 @@ def test_refused_metrics_cost_most_and_are_observed_as_zero():
     assert 0.0 < observation[names.index("refused")] < 1.0
     band = env.terms["torque_at_0g"].band
     assert reward.distance(Value(math.nan, math.nan, math.nan, "N m", "why"), band) == reward.MAX_DISTANCE
-    assert reward.distance(Value(100.0, math.nan, math.nan, "N m"), band) == reward.MAX_DISTANCE
+    far = [reward.distance(Value(x, math.nan, math.nan, "N m"), band) for x in (1.0, 5.0, 100.0, 1e4)]
+    assert far[0] == 0.0 < far[1] < far[2] < far[3] < reward.MAX_DISTANCE
+    # Where the car's own set has no value, the whole target band is wanted.
+    assert env.wanted["handwheel_angle_after_3s"].band.good != env.terms["handwheel_angle_after_3s"].band.good
+    assert reward.wanted(env.terms, dict.fromkeys(env.terms, Value(0.0, 0.0, 0.0, "", "why")), 0.1) == env.terms
 
 
 def test_a_run_that_fails_is_refused(monkeypatch):
@@ -260,7 +266,7 @@ def test_an_episode_ends_with_its_best_set():
     assert best is not None
     with pytest.raises(RuntimeError, match="call reset"):
         env.step(env.baseline_action)
-    env.reset()
+    env.reset(seed=0)
     assert env.best_action is None
     _, total, *_, again = env.step(best)
     assert total == info["best"]["reward"]
@@ -286,11 +292,13 @@ def test_infos_have_the_same_keys_and_floats_at_reset_step_and_end(name):
 
 def test_context_is_observed():
     env = make(ON_CENTRE, randomise=EVERYTHING)
+    aims = len(tuning_env.wanted(env.scenario))
     fixed = {"load": 200.0, "road_friction": 0.9, "friction_level": 2.0, "speed": 30.0}
     observation, info = env.reset(seed=1, options=fixed)
     context = info["context"]
     assert observation[:6] == pytest.approx(list(context.values()), rel=1e-6)
-    assert not observation[6:].any()
+    assert observation[6 : 6 + aims] == pytest.approx([info["wanted"][n] for n in tuning_env.wanted(env.scenario)])
+    assert not observation[6 + aims :].any()
     assert context["mass"] == pytest.approx(cars.load().chassis["mass"] + 200.0)
     assert context["speed"] == 30.0
     assert context["friction_torque"] == pytest.approx(1.8, rel=1e-4)  # F_c 0.9 N m at twice the level
@@ -300,7 +308,7 @@ def test_context_is_observed():
 
 
 def test_parameters_are_physical():
-    env = make(ALL_ROUND)
+    env = make(ALL_ROUND, detuning=0.0)
     assert env.parameters["lead_zero"] == ("Hz", pytest.approx(5.0), pytest.approx(15.0), pytest.approx(45.0))
     env.reset(seed=0)
     for _, low, own, high in env.parameters.values():
@@ -319,6 +327,8 @@ def test_parameters_are_physical():
         ({"speed": math.nan}, ValueError, r"speed \[m/s\] must be .*got nan"),
         ({"vehicle": "tank"}, ValueError, "vehicle must be a .toml or .json file or one of"),
         ({"chassis": "bike"}, ValueError, "chassis must be one of single_track, two_track, got 'bike'"),
+        ({"detuning": 1.5}, ValueError, "detuning must be finite and at least 0 and at most 1, got 1.5"),
+        ({"tolerance": 0.0}, ValueError, "tolerance must be finite and greater than 0 and at most 1, got 0"),
         ({"targets": "sedan"}, ValueError, "no targets 'sedan'; there are compact, saloon, small, suv"),
         (
             {"targets": {"torque_at_0g": (1, 2)}},
@@ -347,10 +357,10 @@ def test_nothing_is_drawn():
 @pytest.mark.parametrize(
     ("bad", "message"),
     [
-        (np.array([np.nan, 0, 0, 0, 0], np.float32), "got nan"),
-        (np.array([0, 0, np.inf, 0, 0], np.float32), "got inf"),
-        (np.zeros(4, np.float32), r"shape \(5,\)"),
-        ([0.0] * 4, r"shape \(5,\) of real numbers, got \[0\.0"),
+        (np.array([np.nan, *[0] * 7], np.float32), "got nan"),
+        (np.array([0, 0, np.inf, *[0] * 5], np.float32), "got inf"),
+        (np.zeros(4, np.float32), r"shape \(8,\)"),
+        ([0.0] * 4, r"shape \(8,\) of real numbers, got \[0\.0"),
     ],
 )
 def test_bad_actions(bad, message):
@@ -374,11 +384,12 @@ def test_targets_of_ones_own(tmp_path):
     head = 'name = "mine"\ndescription = "d"\nsource = "s"\n'
     path = tmp_path / "mine.toml"
     path.write_text(head + '[weave]\nloop_area = {unit="J", good=[0.1, 0.2], fair=[0, 0.3]}\n', encoding="utf-8")
-    env = make(ON_CENTRE, targets=str(path))
+    env = make(ON_CENTRE, targets=str(path), **AS_TARGETS)
     assert set(env.terms) == {"loop_area"}
     env.reset(seed=0)
     _, total, *_, info = env.step(env.baseline_action)
-    assert total == pytest.approx(-(info["evaluated"]["loop_area"] - 0.2) / 0.1)
+    off = (info["evaluated"]["loop_area"] - 0.2) / 0.1
+    assert total == pytest.approx(-off / (1.0 + off / reward.MAX_DISTANCE))
     path.write_text(head + '[pulse]\npulse_overshoot = {unit="%", good=[1, 2], fair=[0, 3]}\n', encoding="utf-8")
     with pytest.raises(ValueError, match="targets 'mine' have no bands for weave"):
         make(ON_CENTRE, targets=str(path))
@@ -393,7 +404,7 @@ def test_docstring_tables_match_the_spaces(name):
     assert [float(bound) for _, bound, _ in rows] == pytest.approx(env.observation_space.high.tolist())
     assert [unit for *_, unit in rows] == [quantity.unit for quantity in tuning_env.observed(env.scenario)]
     actions = env.__doc__.split("## Action")[1].split("##")[0]
-    rows = re.findall(r"^\| (\d+) \| `(\w+)`: .* \| (\S+) \| (\S+) \| (\S+) \| (\S+) \|$", actions, flags=re.MULTILINE)
+    rows = re.findall(r"^\| (\d+) \| `(\w+)`: .* \| (\S+) \| (\S+) \| (\S+) \| (.+) \|$", actions, flags=re.MULTILINE)
     assert len(rows) == env.action_space.shape[0]
     for (_, parameter, *ends, unit), (key, known) in zip(rows, env.parameters.items()):
         assert (parameter, unit) == (key, known[0])
@@ -413,7 +424,7 @@ def test_gymnasium_vectorises(mode):
     observations, _ = vector.reset(seed=5)
     single = make(ON_CENTRE, randomise=EVERYTHING)
     assert np.array_equal(observations[1], single.reset(seed=6)[0])
-    tried = np.full((2, 5), 0.2, np.float32)
+    tried = np.full((2, 8), 0.2, np.float32)
     observations, rewards, _, _, infos = vector.step(tried)
     observation, total, *_, info = single.step(tried[1])
     assert np.array_equal(observations[1], observation)
@@ -424,18 +435,19 @@ def test_gymnasium_vectorises(mode):
 
 def test_make_vec_needs_no_mode():
     vector = gym.make_vec(ON_CENTRE, num_envs=2)
-    assert vector.action_space.shape == (2, 5)
+    assert vector.action_space.shape == (2, 8)
     vector.close()
 
 
 def test_a_tuned_set_becomes_a_car_file(tmp_path):
     env = make(ON_CENTRE)
     chosen = action(env, boost_level=0.1, lead_zero=-0.3)
-    car = env.tuned_car(chosen)
+    env.reset(seed=0)
+    chosen = env.own_action + chosen
+    tried, car = env.assist(chosen), env.tuned_car(chosen)
     cars.write(car, tmp_path / "tuned.toml")
-    tried = parameters.tuned(env.car.assist, parameters.values(env.car.assist, env.scenario.parameters, chosen))
     for found in (car, cars.load(tmp_path / "tuned.toml")):
-        assert all(np.array_equal(one, other) for one, other in zip(found.assist, tried, strict=True))
+        assert all(np.array_equal(one, other) for one, other in zip(leaves(found.assist), leaves(tried), strict=True))
         assert (found.name, found.chassis, found.tyre) == ("compact_tuned", env.car.chassis, env.car.tyre)
 
 
@@ -444,7 +456,7 @@ def test_functions_of_the_assist_can_be_tuned(tmp_path):
     """A strength is off at -1 and the car's own at 0; the best set becomes a car file."""
     names = ["damping_level", "return_gain", "friction_share", "lead_lag_gain"]
     own = {"base": "compact", "assist": {"friction_share": [0.2] * 4 + [0.4] * 4, "friction_law": "dahl"}}
-    env = gym.make("steer_env/TuneOnCentre-v2", vehicle=own, parameters=names).unwrapped
+    env = gym.make("steer_env/TuneOnCentre-v2", vehicle=own, parameters=names, **AS_TARGETS).unwrapped
     assert env.parameters["friction_share"] == ("1", 0.0, 0.4, 1.0)
     assert env.parameters["return_gain"] == ("N m/rad", 0.0, 0.0, 10.0)
     env.reset(seed=0)

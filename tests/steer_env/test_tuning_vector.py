@@ -67,7 +67,7 @@ def test_worker_processes_give_the_same_also_after_one_is_killed():
 
 
 def test_sub_environments_that_draw_nothing_share_one_context():
-    vector = gym.make_vec(ALL_ROUND, 3, workers=1)
+    vector = gym.make_vec(ALL_ROUND, 3, workers=1, detuning=0.0)
     vector.reset(seed=0)
     assert len({id(each) for each in vector._contexts}) == 1
     assert len(vector._workers._kept) == 1
@@ -84,7 +84,7 @@ def test_number_of_sets_is_an_argument():
     for arguments in ({"sets": 1}, {"max_episode_steps": 1}, {"sets": None, "max_episode_steps": 1}):
         vector = gym.make_vec(ON_CENTRE, 2, workers=1, **arguments)
         vector.reset(seed=0)
-        assert vector.step(np.zeros((2, 5), np.float32))[3].all(), arguments
+        assert vector.step(np.zeros((2, 8), np.float32))[3].all(), arguments
     for wrong in (0, -1, 2.5):
         with pytest.raises(ValueError, match="sets must be a whole number"):
             gym.make(ON_CENTRE, sets=wrong)
@@ -99,7 +99,7 @@ def test_make_vec_has_no_warning_and_its_specification_makes_it_again():
     again = gym.make_vec(EnvSpec.from_json(text))
     copied = pickle.loads(pickle.dumps(vector))
     assert equal(run(vector, 2), run(again, 2))
-    assert equal(vector.step(np.zeros((2, 5), np.float32)), again.step(np.zeros((2, 5), np.float32)))
+    assert equal(vector.step(np.zeros((2, 8), np.float32)), again.step(np.zeros((2, 8), np.float32)))
     assert equal(run(vector, 2), run(copied, 2))
 
 
@@ -119,7 +119,7 @@ def test_bad_arguments(arguments, error, message):
 
 def test_bad_calls():
     vector = gym.make_vec(ON_CENTRE, 2, workers=1, sets=1, autoreset_mode="Disabled")
-    zero = np.zeros((2, 5), np.float32)
+    zero = np.zeros((2, 8), np.float32)
     with pytest.raises(RuntimeError, match="an episode is over or has not begun: call reset"):
         vector.step(zero)
     with pytest.raises(ValueError, match=r"seed must be a number or 2 of them, got 3"):
@@ -129,7 +129,7 @@ def test_bad_calls():
     with pytest.raises(ValueError, match="unknown reset option 'sensor_noise'"):
         vector.reset(options={"sensor_noise": 1.0})
     vector.reset(seed=0)
-    with pytest.raises(ValueError, match=r"actions must be an array of shape \(2, 5\)"):
+    with pytest.raises(ValueError, match=r"actions must be an array of shape \(2, 8\)"):
         vector.step(zero[0])
     with pytest.raises(ValueError, match="got nan"):
         vector.step(zero + np.nan)
@@ -140,18 +140,18 @@ def test_bad_calls():
 
 def test_rewards_in_components_add_up_to_the_reward():
     """In the form of MO-Gymnasium: an array of float32 in ``reward_space``, (num_envs, reward_dim) of a vector."""
-    env = gym.make(ON_CENTRE, vector_reward=True, disable_env_checker=True, weights={"yaw_lag": 2.0})
+    env = gym.make(ON_CENTRE, vector_reward=True, disable_env_checker=True, weights={"yaw_lag": 2.0}, detuning=0.0)
     with warnings.catch_warnings():
         warnings.simplefilter("error")  # as of Gymnasium's checker
         env.reset(seed=0)
         env.step(env.unwrapped.baseline_action)
     env = env.unwrapped
-    plain = gym.make(ON_CENTRE, weights={"yaw_lag": 2.0}).unwrapped
+    plain = gym.make(ON_CENTRE, weights={"yaw_lag": 2.0}, detuning=0.0).unwrapped
     assert not hasattr(plain, "reward_space")
     assert env.reward_components == (*(name for name in env.terms if env.terms[name].weight), *reward.MARGIN_TERMS)
     assert "yaw_lag" in env.reward_components
     assert "yaw_rate_gain" not in env.reward_components  # weighs nothing
-    tried = np.full(5, 0.6, np.float32)
+    tried = np.full(8, 0.1, np.float32)
     for each in (env, plain):
         each.reset(seed=0)
     given, (_, total, *_, info) = env.step(tried)[1], plain.step(tried)
@@ -162,7 +162,7 @@ def test_rewards_in_components_add_up_to_the_reward():
     assert 0.0 in given
     assert not np.signbit(given[given == 0.0]).any()
     assert not any(np.signbit(x) for x in info["reward_terms"].values() if x == 0.0)
-    vector = gym.make_vec(ON_CENTRE, 2, workers=1, vector_reward=True, weights={"yaw_lag": 2.0})
+    vector = gym.make_vec(ON_CENTRE, 2, workers=1, vector_reward=True, weights={"yaw_lag": 2.0}, detuning=0.0)
     vector.reset(seed=0)
     _, rewards, *_ = vector.step(np.tile(tried, (2, 1)))
     assert rewards.dtype == np.float32

@@ -188,7 +188,7 @@ def _tuned(env_id: str, found: Mapping[str, dict[str, Estimate]]) -> Scores:
     """The car's own set of parameters, and random sets, one in each episode."""
     terms = {"authority": "all parameters", "decides": "once", "delay": SAME, "information": "none"}
     scores = {name: Score(values, terms, False) for name, values in found.items()}
-    about = "One set of parameters in each episode: zero is the car's own, random is drawn from the whole range."
+    about = "One set of parameters in each episode: zero is the start, random is drawn from the whole range."
     return Scores(env_id, about, {"reward": "", "cost": ""}, scores, {}, {})
 
 

@@ -16,7 +16,7 @@ Source of (E18): Seiler, Packard, Gahinet, An introduction to disk margins, IEEE
 import math
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
-from itertools import pairwise
+from itertools import islice, pairwise
 from typing import NamedTuple
 
 import control
@@ -244,14 +244,16 @@ def of_cells(c: Column, a: Assist, speed: float) -> list[Cell]:
 
     With functions of the assist it is :func:`least` over their slopes of :func:`slopes_of_functions`.
     """
-    found = []
+    cells, pairs = [], []
     for low, high in pairwise(a.torques.tolist()):
         torque = 0.5 * (high + low)
         slope = boost_gain(a, torque, speed)
         if slope > 1e-6 or isinstance(a.functions, Functions):  # the table is flat at its end
-            pairs = [(slope, more) for more in slopes_of_functions(c, a, low, high, speed)]
-            found.append(Cell(torque, slope, least(of_slopes(c, a, pairs, speed))))
-    return found
+            own = [(slope, more) for more in slopes_of_functions(c, a, low, high, speed)]
+            cells.append((torque, slope, len(own)))
+            pairs += own
+    found = iter(of_slopes(c, a, pairs, speed))  # all at once, as the plant is the same for all
+    return [Cell(torque, slope, least(list(islice(found, count)))) for torque, slope, count in cells]
 
 
 def worst_margins(c: Column, a: Assist, speed: float) -> Margins:

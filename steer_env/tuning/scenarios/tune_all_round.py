@@ -13,7 +13,7 @@ SCENARIO = register(
         summary=(
             "Tune the assist for a compromise: on-centre feel, free return and its overshoot, return at low speed, "
             "torque in a turn and the effort of parking. Each has a test of its own, whose metrics are compared with "
-            "target bands."
+            "wanted bands."
         ),
         parameters=(
             "boost_level",

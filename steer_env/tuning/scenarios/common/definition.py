@@ -27,7 +27,7 @@ class Scenario:
 
     name: str  # of the id
     summary: str
-    parameters: tuple[str, ...]  # of ``steer_env.tuning.parameters.PARAMETERS``
+    parameters: tuple[str, ...]  # of ``steer_env.tuning.parameters.KNOWN``
     drives: tuple[Drive, ...]
     bounds: dict[str, float]  # observed metrics; the observation space spans +- this [unit of the metric]
     least_road_friction: float  # on which every packaged car reaches the tests' lateral accelerations [1]
