@@ -8,8 +8,8 @@ import gymnasium as gym
 from steer_env.friction.numerics.registry import camel_case, listed
 
 _TUNED = (
-    " An episode starts with the assist out of tune, and narrow wanted bands about the car's own feel replace the target "
-    "bands; before, 20 random sets reached the maximum."
+    " An episode starts with the assist out of tune, and narrow wanted bands about the car's own feel replace the "
+    "target bands; before, 20 random sets reached the maximum."
 )
 # What each version changed, from v0 on, by task or tuning scenario; "" is all of them.
 CHANGES: tuple[dict[str, str], ...] = (

@@ -24,6 +24,20 @@ def _filled(text: str) -> str:
     return textwrap.fill(text, 118)
 
 
+REWARD = (
+    "The reward is minus the sum of the weighted terms. The term of a metric comes from its distance x from "
+    f"its wanted band, in widths of that band: x/(1 + x/{reward.MAX_DISTANCE:g}), which is 0 inside the band "
+    f"and rises everywhere, below {reward.MAX_DISTANCE:g}, that of a refused metric. The wanted band is "
+    f'{TOLERANCE:g} times as wide as the target band below, which is that of `targets="compact"`; it lies '
+    "about what the car's own assist gives in the context, but inside the target band, and is the whole target "
+    "band where that metric is refused. The term of a margin is its shortfall below its least value over that "
+    "value; it is 1 if the loop is unstable. "
+    'The terms are in `info["reward_terms"]`. With '
+    "`vector_reward=True` the reward is an array of the terms that weigh more than 0, for multi-objective "
+    "learning and Pareto fronts, in the form of MO-Gymnasium."
+)
+
+
 def _documentation(scenario: Scenario) -> str:
     """A docstring in Gymnasium's form."""
     a, wanted = cars.load().assist, targets.load("compact")
@@ -66,18 +80,7 @@ def _documentation(scenario: Scenario) -> str:
         f"`Box({len(observations)},)`, clipped to the bounds. What concerns the last set is 0 before the first one.",
         table(("index", "observation", "bound", "unit"), observations),
         "## Reward",
-        _filled(
-            "The reward is minus the sum of the weighted terms. The term of a metric comes from its distance x from "
-            f"its wanted band, in widths of that band: x/(1 + x/{reward.MAX_DISTANCE:g}), which is 0 inside the band "
-            f"and rises everywhere, below {reward.MAX_DISTANCE:g}, that of a refused metric. The wanted band is "
-            f'{TOLERANCE:g} times as wide as the target band below, which is that of `targets="compact"`; it lies '
-            "about what the car's own assist gives in the context, but inside the target band, and is the whole target "
-            "band where that metric is refused. The term of a margin is its shortfall below its least value over that "
-            "value; it is 1 if the loop is unstable. "
-            'The terms are in `info["reward_terms"]`. With '
-            "`vector_reward=True` the reward is an array of the terms that weigh more than 0, for multi-objective "
-            "learning and Pareto fronts, in the form of MO-Gymnasium."
-        ),
+        _filled(REWARD),
         table(("term", "weight", "band", "unit"), [*terms, *margins]),
         '## Cost\n\nFor constrained learning: `info["cost_terms"]` are the shortfalls of both margins, `info["cost"]` '
         "is their sum.",
