@@ -1,0 +1,96 @@
+"""Straight running, in which a drive begins: nothing moves, left equals right, and what cannot run straight is told."""
+
+import numpy as np
+import pytest
+
+from steer_env.friction.numerics.kernel import plain
+from steer_env.vehicle import cars, plant, road
+from steer_env.vehicle.chassis import chassis_of, two_track
+from steer_env.vehicle.chassis.common import equilibrium
+from steer_env.vehicle.layout import layout_of, size_of
+
+MOVES = {"x", "distance"}  # and nothing else
+
+
+def settled(car="compact", chassis="two_track", speed=25.0, **rest):
+    p = cars.load(car).plant("lugre", speed=speed, chassis=chassis, **rest)
+    return p, plant.initial_state(p)
+
+
+def straight(p, state, seconds=5):
+    """The state after so many seconds without any input."""
+    state = state.copy()
+    assert plant.run(p, state, np.zeros((1000 * seconds, len(plant.INPUTS))), np.zeros((1, len(plant.channels(p)))), 1)
+    return state
+
+
+def speed_of(p, state):
+    return float(plain(chassis_of(p.chassis).speed)(p.chassis, state[layout_of(p).chassis :]))
+
+
+@pytest.mark.parametrize("grip", [1.0, 0.2])
+@pytest.mark.parametrize("speed", [0.0, 3.0, 6.0, 12.0, 22.0, 27.7, 35.0])
+@pytest.mark.parametrize("chassis", ["single_track", "two_track"])
+@pytest.mark.parametrize("car", cars.available())
+def test_nothing_moves(car, chassis, speed, grip):
+    """In the next five seconds, gear and shift included; the held speed is exact."""
+    if chassis == "single_track" and speed < 3.0:
+        pytest.skip("a single track rolls")
+    p, begun = settled(car, chassis, speed, road_friction=grip)
+    moved = np.abs(straight(p, begun) - begun) / (1.0 + np.abs(begun))
+    names = [name.split(".")[-1] for name, _ in plant.states(p)]
+    assert {name: m for name, m in zip(names, moved.tolist()) if m > 1e-9 and name not in MOVES} == {}
+    assert speed_of(p, begun) == pytest.approx(speed, abs=1e-9)
+    assert plant.held_speed(p) == pytest.approx(speed, abs=1e-9)
+
+
+@pytest.mark.parametrize("speed", [0.0, 25.0])
+def test_left_equals_right_to_the_bit(speed):
+    p, begun = settled(speed=speed)
+    x = begun[layout_of(p).chassis : layout_of(p).rate]
+    for first, sign in (
+        (two_track.TRAVEL, 1.0),
+        (two_track.OMEGA, 1.0),
+        (two_track.KAPPA, 1.0),
+        (two_track.TAN_ALPHA, -1),
+    ):
+        front_left, front_right, rear_left, rear_right = x[first : first + 4]
+        assert (front_left, rear_left) == (sign * front_right, sign * rear_right)
+    assert not begun[layout_of(p).rack_force]
+
+
+def test_a_speed_beyond_the_engine_begins_with_full_throttle():
+    p, begun = settled("vw_vanagon", speed=50.0)
+    channels = [name for name, _ in plant.channels(p)]
+    assert plant.settled(p)[1][channels.index("throttle")] == 1.0
+    assert speed_of(p, straight(p, begun)) < speed_of(p, begun) < 50.0
+
+
+@pytest.mark.parametrize(
+    ("ground", "runs"),
+    [
+        (road.make_road(grade=0.03), True),
+        (road.make_road(bank=0.03), False),
+        (road.make_road(friction=(0.4, 0.9)), False),
+        (road.make_road(friction=(0.4, 0.4)), True),
+    ],
+)
+def test_five_seconds_only_where_a_car_does_not_run_straight(ground, runs):
+    p, begun = settled(road=ground)
+    samples = plant.begin(p, np.zeros(size_of(p)))
+    assert samples == (plant.SETTLING if runs else 250 * plant.SETTLING)
+    if runs:
+        assert np.abs(straight(p, begun) - begun)[layout_of(p).chassis + two_track.YAW] == 0.0
+
+
+@pytest.mark.parametrize("n", [1, 5, equilibrium.MOST])
+def test_the_linear_equations_against_numpy(n):
+    rng = np.random.default_rng(n)
+    J, r = np.zeros((equilibrium.MOST, equilibrium.MOST)), np.zeros(equilibrium.MOST)
+    J[:n, :n], r[:n] = rng.normal(size=(n, n)), rng.normal(size=n)
+    J[0, 0] = 0.0 if n > 1 else J[0, 0]  # which needs another row first
+    expected, found = np.linalg.solve(J[:n, :n], r[:n]), r.copy()
+    assert equilibrium.solve(J.copy().ravel(), found, n)
+    assert found[:n] == pytest.approx(expected, rel=1e-9)
+    J[:n, 0] = 0.0
+    assert not equilibrium.solve(J.ravel(), r, n)
