@@ -100,7 +100,8 @@ def _parked_single_track(car: cars.Car, rack: Array) -> tuple[Array, float]:
 def _parked_two_track(car: cars.Car, rack: Array) -> tuple[Array, float]:
     """Rack force (N,) [N] of the car that settles at each rack position, and the change of its energy [J]."""
     t, p = two_track, _load_only(car.plant(speed=0.0, chassis="two_track"))
-    x, force, settled = np.array(t.start(p.chassis)), [], []
+    x, force, settled = np.zeros(len(t.STATES)), [], []
+    t.begin(p.chassis, p.strut, p.tyre[0], x)
     free, rates = (
         [t.Z, t.ROLL, t.PITCH, *range(t.TRAVEL, t.TRAVEL + 4)],
         [t.W, t.P, t.Q, *range(t.TRAVEL_RATE, t.OMEGA)],
