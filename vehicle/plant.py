@@ -73,7 +73,7 @@ CHANNEL = {name: i for i, (name, _) in enumerate(CHANNELS)}
 STEPS_PER_CHASSIS_STEP = 2  # column steps for each evaluation of the chassis
 CHASSIS_STEP = STEPS_PER_CHASSIS_STEP * SAMPLE_TIME  # [s]
 _INPUTS = len(INPUTS)
-SETTLING = 2 * STEPS_PER_CHASSIS_STEP  # samples
+SETTLING, RUN_IN = 2 * STEPS_PER_CHASSIS_STEP, 5000  # samples before a drive, from a balance and without one
 STOP_STIFFNESS = 2e6  # of the end stops of the rack, assumed [N/m]
 
 
@@ -244,7 +244,7 @@ def report_chassis(p, state, u, row):
 def begin(p, state):
     """Write the state of straight running in balance; how many samples of it complete what is kept of the last steps.
 
-    A car that does not run straight there, as on a road whose sides are not alike, is given five seconds.
+    A car that does not run straight there, as on a road whose sides differ, or finds no balance is given five seconds.
     """
     at = layout(p)
     for i in range(state.size):
@@ -255,7 +255,7 @@ def begin(p, state):
         u[i] = 0.0
     for _ in range(2):  # the last evaluation and the one before
         evaluate(p, state, u)
-    return SETTLING if straight else 250 * SETTLING
+    return SETTLING if straight else RUN_IN
 
 
 @kernel

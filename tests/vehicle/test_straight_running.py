@@ -59,11 +59,14 @@ def test_left_equals_right_to_the_bit(speed):
     assert not begun[layout_of(p).rack_force]
 
 
-def test_a_speed_beyond_the_engine_begins_with_full_throttle():
-    p, begun = settled("vw_vanagon", speed=50.0)
-    channels = [name for name, _ in plant.channels(p)]
-    assert plant.settled(p)[1][channels.index("throttle")] == 1.0
-    assert speed_of(p, straight(p, begun)) < speed_of(p, begun) < 50.0
+@pytest.mark.parametrize("car", cars.available())
+@pytest.mark.parametrize(("speed", "grade", "grip"), [(70.0, 0.0, 1.0), (3.0, -0.2, 0.1), (20.0, 0.15, 0.1)])
+def test_a_speed_that_no_car_holds_is_what_five_seconds_leave_of_it(car, speed, grade, grip):
+    """Beyond the engine, and on slopes of ice."""
+    p, begun = settled(car, speed=speed, road_friction=grip, road=road.make_road(grade=grade))
+    assert plant.begin(p, np.zeros(size_of(p))) == plant.RUN_IN
+    assert np.isfinite(begun).all()
+    assert 0.1 < abs(speed_of(p, begun) - speed) < 25.0
 
 
 @pytest.mark.parametrize(
@@ -78,7 +81,7 @@ def test_a_speed_beyond_the_engine_begins_with_full_throttle():
 def test_five_seconds_only_where_a_car_does_not_run_straight(ground, runs):
     p, begun = settled(road=ground)
     samples = plant.begin(p, np.zeros(size_of(p)))
-    assert samples == (plant.SETTLING if runs else 250 * plant.SETTLING)
+    assert samples == (plant.SETTLING if runs else plant.RUN_IN)
     if runs:
         assert np.abs(straight(p, begun) - begun)[layout_of(p).chassis + two_track.YAW] == 0.0
 

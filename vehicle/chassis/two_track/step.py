@@ -147,7 +147,7 @@ _UNKNOWNS = Unknowns(
     ),
     steps=(1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-5, 1e-5, 1e-7, 1e-7, 1e-7, 1e-7, 1e-6),
 )
-_STANDING, _ROLLING, _HOLDING = 4, 11, 12
+_STANDING, _HOLDING = 4, 12
 STRAIGHT = 1e-9  # most sideward and angular acceleration of a car that runs straight [m/s2, rad/s2]
 
 
@@ -155,29 +155,29 @@ STRAIGHT = 1e-9  # most sideward and angular acceleration of a car that runs str
 def begin(p, strut, tyre, x):
     """Write the states of straight running at the held speed, in balance; whether the car runs straight from there.
 
-    It does not where its sides, or those of the road, differ: the balance is that of their mean. A car that cannot hold
-    its speed begins with full throttle.
+    It does not where its sides, or those of the road, differ, as the balance is that of their mean. Nor where there is
+    none, as at a speed that the car cannot hold: there it begins in the design position.
     """
     dx, out = scratch.floats(STATE_SIZE), scratch.floats(OUTPUT_SIZE)
-    _straighten(p, strut, tyre, x, dx, out)
-    # The rates are those of a state beside the balance, in which left and right are as there.
-    return max(abs(dx[V]), abs(dx[P]), abs(dx[R])) < STRAIGHT
+    if _straighten(p, strut, tyre, x, dx, out):
+        # The rates are those of a state beside the balance, in which left and right are as there.
+        return max(abs(dx[V]), abs(dx[P]), abs(dx[R])) < STRAIGHT
+    _design(p, x)
+    return False
 
 
 @kernel
 def _straighten(p, strut, tyre, x, dx, out):
+    """Whether a balance was found, in a gear that stays."""
     _design(p, x)
     if p.body[0].speed == 0.0:
-        balance(p, strut, tyre, x, _UNKNOWNS, _STANDING, dx, out)
-        return
+        return balance(p, strut, tyre, x, _UNKNOWNS, _STANDING, dx, out)
     for _ in range(p.drive.ratios.size):
         if not balance(p, strut, tyre, x, _UNKNOWNS, _HOLDING, dx, out):
-            _design(p, x)
-            x[INTEGRAL] = p.hold.acceleration
-            balance(p, strut, tyre, x, _UNKNOWNS, _ROLLING, dx, out)
-            return
+            return False
         omega_f, omega_r = mean_angular_velocities(x)
         gear, _ = shift(p.drive, x[GEAR], 0.0, out[THROTTLE], omega_f, omega_r, 1.0)
         if gear == x[GEAR]:
-            return
+            return True
         x[GEAR] = gear
+    return False
