@@ -32,7 +32,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seeds", metavar="N", type=options.whole_number(1), default=SEEDS, help=text)
     most = options.whole_number(1, options.MOST_EPISODES)
     options.add(parser, "--episodes", "of every controller on every law, held out", EPISODES, type=most)
-    text = f"{len(LAWS)} laws, two of them with two values of micro-damping"
+    text = f"{len(LAWS) - 2} laws, two of them with two values of micro-damping"
     options.add(parser, "--friction", "on which all are driven", otherwise=text, nargs="+", action="extend")
     text = f"drive in the episodes of the search that chose the cases, seeds from {SEARCHED} on in place of {HELD_OUT}"
     parser.add_argument("--search", action="store_true", help=text)
