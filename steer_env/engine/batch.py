@@ -156,7 +156,8 @@ class EnvironmentBatch:
         self._bind()
         self._pool = ThreadPool(whole("threads", threads, 1), ROWS_AT_ONCE)
         own = numbers(template)
-        self._usual_start = (own, *(rows[0] for rows in self._settled(own[None])))
+        states, channels, straight = self._settled(own[None])
+        self._usual_start, self._straight = (own, states[0], channels[0]), bool(straight[0])
         self.drivers = (
             drivers.DriverBatch(self.driver, self.car, n, self.steering_response, usual) if self.driver else None
         )
@@ -206,8 +207,11 @@ class EnvironmentBatch:
 
         return run
 
-    def _settled(self, plants: Array) -> tuple[Array, Array]:
-        """States (K, S) and channels (K, C) of plants, by their numbers (K, N), as ``plant.settled`` gives them."""
+    def _settled(self, plants: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """States (K, S) and channels (K, C) of plants, by their numbers (K, N), as ``plant.settled`` gives them.
+
+        And whether each car (K,) begins in balance.
+        """
         k, given = len(plants), self.arrays
         a = given._replace(
             plants=plants,
@@ -226,7 +230,7 @@ class EnvironmentBatch:
 
         self._pool.run(k, settle)
         plant.start_line(self._template, a.states, a.channels)
-        return a.states, a.channels
+        return a.states, a.channels, samples == plant.SETTLING
 
     @property
     def usual_conditions(self) -> Conditions:
@@ -250,7 +254,7 @@ class EnvironmentBatch:
         begun = {i: self._draw(i, generators[i], options) for i in rows}
         a, own = self.arrays, [i for i, (drawn, _) in begun.items() if not self._runs_as_usual(drawn)]
         if own:
-            a.states[own], a.channels[own] = self._settled(a.plants[own])
+            a.states[own], a.channels[own], _ = self._settled(a.plants[own])
         for i, (drawn, pose) in begun.items():
             a.states[i, self._pose_states] = a.channels[i, self._pose_channels] = pose
             self.over[i] = False
@@ -300,6 +304,7 @@ class EnvironmentBatch:
 
     def _store(self, i: int, setup: EpisodeSetup, drawn: Conditions) -> None:
         """Put an episode's setup and its plant into the arrays."""
+        self.over[i] = True  # until it has begun: another row, or its own plant, may be refused
         path = np.zeros((0, 4)) if setup.path is None else setup.path
         data = np.zeros(0) if setup.data is None else setup.data
         setups = {"scripted_inputs": setup.scripted_inputs[None], "paths": path[None], "task_data": data[None]}
@@ -308,7 +313,7 @@ class EnvironmentBatch:
         driven = self.driver is not None and not robot
         if self._runs_as_usual(drawn):
             a.plants[i], a.states[i], a.channels[i] = self._usual_start
-            if not drawn.same_plant(self._randomise.usual):  # friction does not act straight ahead
+            if not drawn.same_plant(self._randomise.usual):
                 a.plants[i] = numbers(with_level(self._template._replace(friction=drawn.friction), drawn))
         else:
             a.plants[i] = numbers(self._plant(drawn, robot, self.driver if driven else None))
@@ -325,8 +330,10 @@ class EnvironmentBatch:
         a.finite[i] = True
 
     def _runs_as_usual(self, drawn: Conditions) -> bool:
-        """Whether a car runs straight ahead as where nothing is drawn."""
-        return self.task.draw_scenario is None and drawn.same_motion(self._randomise.usual)
+        """Whether a car begins as where nothing is drawn: friction does not act straight ahead."""
+        usual = self._randomise.usual
+        same = drawn.same_motion(usual) if self._straight else drawn.same_plant(usual)
+        return self.task.draw_scenario is None and same
 
     def step(self, actions: NDArray[np.float32], generators: Sequence[np.random.Generator]) -> None:
         """Hold the clipped actions (n,) for ``control_dt`` in every row.

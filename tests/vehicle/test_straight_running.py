@@ -69,6 +69,12 @@ def test_a_speed_that_no_car_holds_is_what_five_seconds_leave_of_it(car, speed, 
     assert 0.1 < abs(speed_of(p, begun) - speed) < 25.0
 
 
+def test_a_lower_gear_holds_the_speed_on_a_slope():
+    p, begun = settled(speed=16.0, road=road.make_road(grade=0.15))
+    assert plant.begin(p, np.zeros(size_of(p))) == plant.SETTLING
+    assert speed_of(p, straight(p, begun)) == pytest.approx(16.0, abs=1e-9)
+
+
 @pytest.mark.parametrize(
     ("ground", "runs"),
     [

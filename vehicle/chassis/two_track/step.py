@@ -172,12 +172,16 @@ def _straighten(p, strut, tyre, x, dx, out):
     _design(p, x)
     if p.body[0].speed == 0.0:
         return balance(p, strut, tyre, x, _UNKNOWNS, _STANDING, dx, out)
-    for _ in range(p.drive.ratios.size):
-        if not balance(p, strut, tyre, x, _UNKNOWNS, _HOLDING, dx, out):
-            return False
-        omega_f, omega_r = mean_angular_velocities(x)
-        gear, _ = shift(p.drive, x[GEAR], 0.0, out[THROTTLE], omega_f, omega_r, 1.0)
-        if gear == x[GEAR]:
-            return True
+    for _ in range(2 * p.drive.ratios.size):
+        if balance(p, strut, tyre, x, _UNKNOWNS, _HOLDING, dx, out):
+            omega_f, omega_r = mean_angular_velocities(x)
+            gear, _ = shift(p.drive, x[GEAR], 0.0, out[THROTTLE], omega_f, omega_r, 1.0)
+            if gear == x[GEAR]:
+                return True
+        else:  # a lower gear may hold the speed
+            gear = x[GEAR] - 1.0
+            if gear < 1.0:
+                return False
+            _design(p, x)
         x[GEAR] = gear
     return False
