@@ -100,9 +100,9 @@ def _documentation(scenario: Scenario) -> str:
         _filled(
             "A context is drawn; `options` fix what would be drawn. The car's own assist is put out of tune: every "
             f"parameter by {start.LEAST * DETUNING:g} to {DETUNING:g} in the unit of the action, up or down, a "
-            "strength up, so that the loop is stable with two thirds of the wanted margins. The offsets are not "
-            'observed, but follow from the values in `info["parameters"]`, which no controller should read; '
-            "`env.unwrapped.own_action` is the action that undoes them."
+            "strength up, so that the loop keeps two thirds of the wanted margins, where 20 draws find "
+            'it. The offsets are not observed, but follow from the values in `info["parameters"]`, which no controller '
+            "should read; `env.unwrapped.own_action` is the action that undoes them."
         ),
         f"## End\n\nThe episode is truncated after {SETS} parameter sets, or as many as the argument `sets` says.",
         "## Arguments",
