@@ -61,8 +61,11 @@ def run(args: argparse.Namespace) -> int:
         cases = [(env_id, Budget(rounds=args.rounds, steps=args.steps), args.seed) for env_id in args.env]
         for (env_id, *_), verdicts in zip(cases, sweep(audited, cases, notify=notify, words=itemgetter(0))):
             name = env_id.removeprefix("steer_env/")
-            table.add_row(name, f"best: {verdicts[0].best_name}", *_cells(verdicts[0].best), "")
+            best = None
             for verdict in verdicts:
+                if verdict.best != best:  # of the known cheats, then of the searches
+                    best = verdict.best
+                    table.add_row(name, f"best: {verdict.best_name}", *_cells(best), "")
                 table.add_row("", verdict.policy, *_cells(verdict.found), _words(verdict))
                 wanted &= not (verdict.cheats or verdict.unstable)
             table.add_section()
