@@ -6,13 +6,16 @@ bits there. It is made for the structure of the parameters, not for their values
 """
 
 import importlib.util
-import os
 import subprocess
 import sys
 import tempfile
+from importlib import metadata
 from pathlib import Path
 
+from filelock import FileLock
+
 from steer_env.connect.fmu.object_code import module_text, object_for
+from steer_env.experiments.pages import files
 from steer_env.friction.numerics import cache
 from steer_env.vehicle.plant import Plant
 from steer_env.vehicle.subsystems import Subsystem, car
@@ -35,22 +38,26 @@ def compiled(p: Plant) -> bytes:
     """
     subsystem = car.unsettled(p)
     kinds = signature(subsystem)
-    folder = cache.folder_of(entry, kinds, " ".join((TRIPLE, CPU, FEATURES, *LINK, *EXPORTS)))
+    made_by = (TRIPLE, CPU, FEATURES, *LINK, *EXPORTS, _zig())
+    folder = cache.folder_of(entry, kinds, " ".join(made_by))
     kept = folder / "car.wasm" if folder else None
-    if kept and kept.is_file():
+    if not kept:
+        return _linked(subsystem)
+    with FileLock(kept.with_suffix(".lock")):  # others that need the same module wait for it
+        if not kept.is_file():
+            files.write_bytes(kept, _linked(subsystem))
         return kept.read_bytes()
-    made = _linked(subsystem)
-    if kept:
-        with tempfile.NamedTemporaryFile(dir=kept.parent, delete=False) as part:
-            part.write(made)
-        os.replace(part.name, kept)
-    return made
+
+
+def _zig() -> str:
+    """The version of zig; ValueError where it is missing."""
+    if importlib.util.find_spec("ziglang") is None:
+        raise ValueError(f"a WebAssembly module is linked by zig, which is not installed: {INSTALL}")
+    return metadata.version("ziglang")
 
 
 def _linked(subsystem: Subsystem) -> bytes:
     """The module, from the object code of the kernels and the mathematical functions of zig's C library."""
-    if importlib.util.find_spec("ziglang") is None:
-        raise ValueError(f"a WebAssembly module is linked by zig, which is not installed: {INSTALL}")
     kernels = object_for(module_text(subsystem), TRIPLE, CPU, FEATURES)
     with tempfile.TemporaryDirectory() as folder:
         code, out = Path(folder, "kernels.o"), Path(folder, "car.wasm")

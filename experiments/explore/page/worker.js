@@ -1,8 +1,7 @@
 /* The worker of the page: it keeps an instance for each module, and answers with a weave and its metrics.
 
    It is made of a Blob with the text of the functions of this folder, as a page that is opened from disk may not load
-   the file of a worker. Messages: {module} adds a module, {run} asks for a weave. Of several runs that wait only the
-   newest is driven. */
+   the file of a worker. Messages: {module} adds a module, {run} asks for a weave. */
 
 "use strict";
 
@@ -12,8 +11,6 @@
 /** @param {any} scope @param {any} settings @param {any} simulation @param {any} metrics */
 function steerWorker(scope, settings, simulation, metrics) {
   const cars = new Map();
-  /** @type {RunMessage | null} */
-  let waiting = null;
 
   /** @param {RunMessage} run */
   function answer(run) {
@@ -51,14 +48,6 @@ function steerWorker(scope, settings, simulation, metrics) {
       cars.set(`${structure.law} ${structure.chassis}`, car);
       return;
     }
-    const idle = waiting === null;
-    waiting = event.data.run;
-    if (idle) {
-      scope.setTimeout(() => {  // after the messages that wait, of which the newest counts
-        const run = /** @type {RunMessage} */ (waiting);
-        waiting = null;
-        scope.postMessage(answer(run));
-      }, 0);
-    }
+    scope.postMessage(answer(event.data.run));
   };
 }
