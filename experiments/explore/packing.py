@@ -13,6 +13,7 @@ not take.
 
 import itertools
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -60,7 +61,10 @@ def dependences(parameters: Sequence[Parameter], numbers_of: NumbersOf) -> list[
             values[i] += 0.5 * t * (parameters[i].high - parameters[i].low)
         return numbers_of({q.name: float(x) for q, x in zip(parameters, values)})
 
-    degrees = [_degrees(lambda t, i=i: at({i: t})) for i in range(len(parameters))]
+    def along(i: int, t: float) -> Array:
+        return at({i: t})
+
+    degrees = [_degrees(partial(along, i)) for i in range(len(parameters))]
     touched = np.array(degrees) > 0  # (P, N)
     groups: dict[tuple[int, ...], list[int]] = {}
     for place in np.flatnonzero(touched.any(axis=0)):
@@ -95,10 +99,14 @@ def _degrees(at: Callable[[float], Array]) -> Array:
             large = np.abs(coefficients) > 0.1 * CLOSE * size
             return np.array([np.flatnonzero(column)[-1] if column.any() else 0 for column in large.T])
     worst = int(np.argmax(off / size))
-    raise ValueError(f"packed number {worst} follows no polynomial of degree {DEGREES[-1]}: {off[worst] / size[worst]:.2g}")
+    raise ValueError(
+        f"packed number {worst} follows no polynomial of degree {DEGREES[-1]}: {off[worst] / size[worst]:.2g}"
+    )
 
 
-def numbers(base: Array, found: Sequence[Dependence], parameters: Sequence[Parameter], values: dict[str, float]) -> Array:
+def numbers(
+    base: Array, found: Sequence[Dependence], parameters: Sequence[Parameter], values: dict[str, float]
+) -> Array:
     """The packed numbers (N,) for values of the parameters, as the page computes them."""
     made = base.copy()
     for each in found:

@@ -9,6 +9,7 @@ import inspect
 import itertools
 import re
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -50,7 +51,7 @@ _PLAIN = {
     "column.I1": "Inertia of the handwheel",
     "column.I2": "Inertia below the torsion bar",
     "column.C2": "Damping below the torsion bar",
-    "steering.pinion_radius": "Pinion radius (ratio)",
+    "steering.pinion_radius": "Pinion radius (steering ratio)",
     "steering.friction_load": "Friction by load",
     "chassis.front_cornering_stiffness_factor": "Front tyre stiffness",
     "chassis.rear_cornering_stiffness_factor": "Rear tyre stiffness",
@@ -81,10 +82,16 @@ def of_law(law: str) -> dict[str, float]:
 
 
 def every(car: Car, law: str, chassis: str) -> list[Parameter]:
-    """The parameters of the page for a car with a law and a chassis, in the order in which it shows them."""
+    """The parameters of the page for a car with a law and a chassis, in the order in which it shows them.
+
+    ValueError where no ranges are narrow enough for the law's step equation to have one solution in all of them.
+    """
     whole = [*_of_law(law), *_of_drive(chassis), *_of_assist(car), *_of_car(car)]
-    narrowed = ([_narrowed(q, share) for q in whole] for share in _SHARES)
-    return next((found for found in narrowed if _single(car, law, chassis, found)), whole)
+    for share in _SHARES:
+        found = [_narrowed(q, share) for q in whole]
+        if _single(car, law, chassis, found):
+            return found
+    raise ValueError(f"friction law {law!r} falls too steeply with the speed for the sliders of a page")
 
 
 def _narrowed(q: Parameter, share: float) -> Parameter:
@@ -115,7 +122,9 @@ def _parameter(
     least = limits.get("greater than", limits.get("at least", limits.get("from", -np.inf)))
     most = limits.get("at most", limits.get("to", np.inf))
     low, high = max(min(span[0], value), least), min(max(span[1], value), most)
-    return Parameter(name, group, label, unit, low, high, value, words.replace("nan", "{}"), least, most, "greater" in words)
+    return Parameter(
+        name, group, label, unit, low, high, value, words.replace("nan", "{}"), least, most, "greater" in words
+    )
 
 
 def _of_law(law: str) -> list[Parameter]:
@@ -126,9 +135,13 @@ def _of_law(law: str) -> list[Parameter]:
         text, unit = told.get(key, (key, ""))
         factor = _SPANS.get(key, _LAW_SPAN)
         span = (value / factor, value * factor) if value else (0.0, _zero_span(unit))
-        refuse = lambda bad, key=key: make(law, **{key: bad})  # noqa: E731
+        refuse = partial(_law_with, law, key)
         found.append(_parameter(f"friction.{key}", "Friction law", f"{key}, {text}", unit, span, value, refuse))
     return found
+
+
+def _law_with(law: str, key: str, value: Any) -> Any:
+    return make(law, **{key: value})
 
 
 def _zero_span(unit: str) -> float:
@@ -137,28 +150,28 @@ def _zero_span(unit: str) -> float:
 
 
 def _of_drive(chassis: str) -> list[Parameter]:
-    low, high = (speed / KPH for speed in cars.SPEEDS[chassis])
     return [
-        _parameter(
-            SCALE, "Drive", "Friction scale", "1", (0.25, 3.0), 1.0, lambda bad: not_negative(SCALE, bad)
-        ),
-        _parameter(LOAD, "Drive", "Load", "kg", (0.0, 500.0), 0.0, lambda bad: not_negative(LOAD, bad)),
-        _parameter(
-            *(SPEED, "Drive", "Speed", "km/h", (60.0, 160.0), 100.0),
-            lambda bad: number(SPEED, bad, minimum=low, maximum=high),
-        ),
+        _parameter(SCALE, "Drive", "Friction scale", "1", (0.25, 3.0), 1.0, partial(not_negative, SCALE)),
+        _parameter(LOAD, "Drive", "Load", "kg", (0.0, 500.0), 0.0, partial(not_negative, LOAD)),
+        _parameter(SPEED, "Drive", "Speed", "km/h", (60.0, 160.0), 100.0, partial(_speed, chassis)),
     ]
+
+
+def _speed(chassis: str, kph: Any) -> float:
+    """A held speed [km/h], checked."""
+    low, high = (speed / KPH for speed in cars.SPEEDS[chassis])
+    return number(SPEED, kph, minimum=low, maximum=high)
 
 
 def _of_assist(car: Car) -> list[Parameter]:
     found = []
     for key, (label, low, high) in _BY_SPEED.items():
         name, unit = f"assist.{key}", declared_keys()["assist"][key].unit
-        refuse = lambda bad, key=key: _by_speed(car, key, bad)  # noqa: E731
+        refuse = partial(_by_speed, car, key)
         found.append(_parameter(name, "Assist", label, unit, (low, high), float(np.max(_profile(car, key))), refuse))
     for i, speed in enumerate(car.assist.speeds):
         label = f"Boost at {speed / KPH:.3g} km/h"
-        refuse = lambda bad: _by_speed(car, BOOST, bad)  # noqa: E731
+        refuse = partial(checked, "assist", BOOST)
         found.append(_parameter(f"assist.{BOOST}.{i}", "Boost by speed", label, "1", (0.5, 1.5), 1.0, refuse))
     return found
 
@@ -169,7 +182,7 @@ def _of_car(car: Car) -> list[Parameter]:
         section, key = name.split(".")
         about = declared_keys()[section][key]
         group = "Tyres" if section == "chassis" else "Steering"
-        refuse = lambda bad, section=section, key=key: checked(section, key, bad)  # noqa: E731
+        refuse = partial(checked, section, key)
         found.append(_parameter(name, group, label, about.unit, about.usual or (0.0, 1.0), _value(car, name), refuse))
     return found
 
@@ -204,22 +217,28 @@ def plant(car: Car, law: str, chassis: str, values: Values) -> Plant:
     ValueError
         A value that the car file or the law refuses.
     """
-    of_law = {name.removeprefix("friction."): v for name, v in values.items() if name.startswith("friction.")}
-    made = changed(car, values).loaded(values.get(LOAD, 0.0))
-    speed = values.get(SPEED, 100.0) * KPH
-    p = made.plant(make(law, **of_law), speed, robot=True, chassis=chassis)
-    return step_limit.checked(p._replace(friction_torque_scale=float(values.get(SCALE, 1.0))))
+    own = {name.removeprefix("friction."): v for name, v in values.items() if name.startswith("friction.")}
+    made = changed(car, values).loaded(not_negative(LOAD, values.get(LOAD, 0.0)))
+    speed = _speed(chassis, values.get(SPEED, 100.0)) * KPH
+    p = made.plant(make(law, **own), speed, robot=True, chassis=chassis)
+    return step_limit.checked(p._replace(friction_torque_scale=not_negative(SCALE, values.get(SCALE, 1.0))))
 
 
 def changed(car: Car, values: Values) -> Car:
     """The car with values of its keys, and with every function of the assist."""
-    sections: dict[str, dict[str, Any]] = {"column": {}, "steering": {}, "chassis": {}}
-    for name in _PLAIN:
-        section, key = name.split(".")
-        sections[section][key] = values.get(name, _value(car, name))
-    tables = {s: {**getattr(car, s), **{k: checked(s, k, v) for k, v in sections[s].items()}} for s in ("steering", "chassis")}
+
+    def keys(section: str) -> dict[str, float]:
+        names = (name for name in _PLAIN if name.startswith(f"{section}."))
+        return {name.split(".")[1]: values.get(name, _value(car, name)) for name in names}
+
+    def table(section: str) -> dict[str, float]:
+        return {key: checked(section, key, value) for key, value in keys(section).items()}
+
     return car._replace(
-        column=column.make(**{**car.given["column"], **sections["column"]}), assist=_assist(car, values), **tables
+        column=column.make(**{**car.given["column"], **keys("column")}),
+        assist=_assist(car, values),
+        chassis={**car.chassis, **table("chassis")},
+        steering={**car.steering, **table("steering")},
     )
 
 
@@ -227,8 +246,10 @@ def _assist(car: Car, values: Values) -> eps.Assist:
     keys = dict(car.given["assist"])
     for key in _BY_SPEED:
         keys[key] = _by_speed(car, key, values.get(f"assist.{key}", float(np.max(_profile(car, key)))))
-    keys[BOOST] = keys[BOOST] * [values.get(f"assist.{BOOST}.{i}", 1.0) for i in range(car.assist.speeds.size)]
+    factors = (values.get(f"assist.{BOOST}.{i}", 1.0) for i in range(car.assist.speeds.size))
+    keys[BOOST] = keys[BOOST] * [checked("assist", BOOST, factor) for factor in factors]
     share = keys.pop("friction_share")
     made = eps.make(**{**keys, "friction_share": 1.0})  # on, so that all functions are there
-    observer = made.functions.friction_compensation
-    return made._replace(functions=made.functions._replace(friction_compensation=observer._replace(gain=share)))
+    functions: Any = made.functions
+    observer = functions.friction_compensation._replace(gain=share)
+    return made._replace(functions=functions._replace(friction_compensation=observer))

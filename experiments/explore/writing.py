@@ -48,7 +48,7 @@ RATE = 1.0 / SAMPLE_TIME  # [Hz]
 RECORDED = (ANGLE, TORQUE, AY, YAW, "rack_force")
 # While a slider moves: the fewest cycles of which some are settled, so that the picture follows.
 MOVING_CYCLES, MOVING_FEWEST = 4, 2
-THIN = 5  # samples between two points of a curve
+THIN = 10  # samples between two points of a curve
 
 
 @dataclass(frozen=True)

@@ -17,10 +17,27 @@ function steerMetrics(constants) {
   const ANGLE = "handwheel_angle", TORQUE = "handwheel_torque", AY = "lateral_acceleration", YAW = "yaw_rate";
   const SAMPLES = constants.samples, HALF = SAMPLES / 2, G = constants.gravity;
 
+  const COSINE = Float64Array.from({ length: SAMPLES }, (_, i) => Math.cos((2 * Math.PI * i) / SAMPLES));
+
   class Refused extends Error {}
 
   /** @param {ArrayLike<number>} values */
-  const mean = (values) => Array.prototype.reduce.call(values, (sum, v) => sum + v, 0) / values.length;
+  function mean(values) {
+    let sum = 0;
+    for (let i = 0; i < values.length; i++) sum += values[i];
+    return sum / values.length;
+  }
+
+  /** Lowest and highest of values from one place to before another. @param {Float64Array} values @param {number} from
+      @param {number} to */
+  function extremes(values, from, to) {
+    let low = Infinity, high = -Infinity;
+    for (let i = from; i < to; i++) {
+      if (values[i] < low) low = values[i];
+      if (values[i] > high) high = values[i];
+    }
+    return [low, high];
+  }
 
   /** @param {number[]} values */
   function median(values) {
@@ -28,7 +45,8 @@ function steerMetrics(constants) {
     return sorted.length % 2 ? sorted[middle] : 0.5 * (sorted[middle - 1] + sorted[middle]);
   }
 
-  /** One pass of a section, in place, from the steady state of its first value. @param {Float64Array} y */
+  /** One pass of a section, in place, from the steady state of its first value. @param {Float64Array} y
+      @param {LowPass} filter */
   function pass(y, filter) {
     const [b0, b1, b2] = filter.b, [, a1, a2] = filter.a;
     let z0 = filter.zi[0] * y[0], z1 = filter.zi[1] * y[0];
@@ -78,8 +96,7 @@ function steerMetrics(constants) {
       @param {Float64Array} angle @param {number} frequency */
   function cycleStarts(angle, frequency) {
     const time = (/** @type {number} */ i) => (i + 1) / constants.rate;
-    let low = Infinity, high = -Infinity;
-    for (const v of angle) { low = Math.min(low, v); high = Math.max(high, v); }
+    const [low, high] = extremes(angle, 0, angle.length);
     const middle = (high + low) / 2, least = (high - middle) / 4;
     /** @type {number[]} */
     let starts = [];
@@ -103,12 +120,8 @@ function steerMetrics(constants) {
     }
     starts = starts.sort((a, b) => a - b);
     const span = starts.slice(1).map((b, k) => {
-      let least = Infinity, most = -Infinity;
       const from = Math.max(Math.ceil(starts[k] * constants.rate - 1 - 1e-9), 0);
-      for (let i = from; i < angle.length && time(i) <= b; i++) {
-        least = Math.min(least, angle[i]);
-        most = Math.max(most, angle[i]);
-      }
+      const [least, most] = extremes(angle, from, Math.min(Math.floor(b * constants.rate + 1e-9), angle.length));
       return most - least;
     });
     const usual = median(span);
@@ -138,8 +151,8 @@ function steerMetrics(constants) {
       }
       const ay = this.cycles(AY), span = [];
       for (let k = 0; k < this.count; k++) {
-        const cycle = ay.subarray(k * SAMPLES, (k + 1) * SAMPLES);
-        span.push(Math.max(...cycle) - Math.min(...cycle));
+        const [low, high] = extremes(ay, k * SAMPLES, (k + 1) * SAMPLES);
+        span.push(high - low);
       }
       const usual = median(span);
       if (span.some((s) => Math.abs(s - usual) > constants.spread * usual)) {
@@ -170,7 +183,7 @@ function steerMetrics(constants) {
       return found;
     }
 
-    /** Less the linear drift of the means of the cycles. @param {Float64Array} samples */
+    /** Less the linear drift of the means of the cycles, in place. @param {Float64Array} samples */
     withoutDrift(samples) {
       let rise = 0, norm = 0;
       for (let k = 0; k < this.count; k++) {
@@ -179,7 +192,8 @@ function steerMetrics(constants) {
         norm += order * order;
       }
       rise /= Math.max(norm, 1);
-      return samples.map((v, i) => v - (rise * (i - samples.length / 2)) / SAMPLES);
+      for (let i = 0; i < samples.length; i++) samples[i] -= (rise * (i - samples.length / 2)) / SAMPLES;
+      return samples;
     }
 
     /** @param {string} name */
@@ -197,8 +211,9 @@ function steerMetrics(constants) {
     /** @param {string} name @returns {Float64Array} */
     samples(name) {
       return this.once(`samples ${name}`, () => {
-        const zero = this.zero(name);
-        return this.driftFree(name).map((v) => v - zero);
+        const zero = this.zero(name), found = Float64Array.from(this.driftFree(name));
+        for (let i = 0; i < found.length; i++) found[i] -= zero;
+        return found;
       });
     }
 
@@ -215,9 +230,8 @@ function steerMetrics(constants) {
         for (let k = 0; k < this.count; k++) {
           let re = 0, im = 0;
           for (let i = 0; i < SAMPLES; i++) {
-            const turn = (2 * Math.PI * i) / SAMPLES;
-            re += y[k * SAMPLES + i] * Math.cos(turn);
-            im -= y[k * SAMPLES + i] * Math.sin(turn);
+            re += y[k * SAMPLES + i] * COSINE[i];
+            im -= y[k * SAMPLES + i] * COSINE[(i + 3 * SAMPLES / 4) % SAMPLES];
           }
           found.push(/** @type {[number, number]} */ ([(re * 2) / SAMPLES, (im * 2) / SAMPLES]));
         }

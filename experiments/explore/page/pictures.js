@@ -57,7 +57,7 @@ function steerPictures() {
 
     function make() {
       plot?.destroy();
-      plot = new uPlot({
+      plot = new (/** @type {any} */ (globalThis).uPlot)({
         mode: 2, ...size(), legend: { show: false }, cursor: { show: false },
         scales: { x: { time: false, range: range("x") }, y: { range: range("y") } },
         axes: [axis(xLabel, 32), axis(yLabel, 44)],

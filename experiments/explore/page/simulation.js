@@ -3,8 +3,8 @@
 "use strict";
 
 /** @typedef {{parameters: number[], degrees: number[], places: number[], coefficients: number[][]}} Dependence */
-/** @typedef {{name: string, low: number, high: number}} Range */
-/** @typedef {{law: string, chassis: string, parameters: Range[], numbers: number[], dependences: Dependence[],
+/** @typedef {{name: string, low: number, high: number}} SliderRange */
+/** @typedef {{law: string, chassis: string, parameters: SliderRange[], numbers: number[], dependences: Dependence[],
  *             states: number, given: number, inputs: number, channels: string[], zeroStates: number[]}} Structure */
 /** @typedef {{frequency: number, rate: number, target: number, trialCycles: number, channels: string[]}} Weave */
 
@@ -51,9 +51,14 @@ function steerSimulation() {
       });
       const lacking = Math.ceil((end - exports.memory.buffer.byteLength) / 65536);
       if (lacking > 0) exports.memory.grow(lacking);
-      const views = this.at.map((at, k) => new Float64Array(exports.memory.buffer, at, sizes[k]));
-      [, , this.numbers, this.tables, this.state, this.given, this.inputs, this.outputs] = views;
+      const view = (/** @type {number} */ k) => new Float64Array(exports.memory.buffer, this.at[k], sizes[k]);
       this.word = new Int32Array(exports.memory.buffer, this.at[0], 2);
+      this.numbers = view(2);
+      this.tables = view(3);
+      this.state = view(4);
+      this.given = view(5);
+      this.inputs = view(6);
+      this.outputs = view(7);
       this.tables.set(tables);
       this.exports = exports;
     }

@@ -5,7 +5,7 @@
 
 "use strict";
 
-/** @typedef {{structure: any, wasm: Uint8Array, tables: Float64Array}} ModuleMessage */
+/** @typedef {{structure: any, wasm: Uint8Array<ArrayBuffer>, tables: Float64Array}} ModuleMessage */
 /** @typedef {{id: number, key: string, values: Record<string, number>, amplitude: number, exact: boolean}} RunMessage */
 
 /** @param {any} scope @param {any} settings @param {any} simulation @param {any} metrics */

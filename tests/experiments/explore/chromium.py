@@ -10,7 +10,9 @@ import time
 import pytest
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-needed = pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine: install it, as by 'apt install chromium'")
+needed = pytest.mark.skipif(
+    BROWSER is None, reason="no Chromium on this machine: install it, as by 'apt install chromium'"
+)
 PATIENCE = 60.0  # [s]
 KEYS = {"ArrowRight": 39, "ArrowLeft": 37, "ArrowDown": 40, "Tab": 9, "Enter": 13, " ": 32}
 
@@ -21,7 +23,13 @@ class Chromium:
     def __init__(self, folder, width=1280, height=900, dark=False):
         outward, inward = os.pipe(), os.pipe()
         read, write = (fcntl.fcntl(fd, fcntl.F_DUPFD, 10) for fd in (outward[0], inward[1]))
-        options = ("--headless=new", "--no-sandbox", "--disable-gpu", "--remote-debugging-pipe", f"--user-data-dir={folder}")
+        options = (
+            "--headless=new",
+            "--no-sandbox",
+            "--disable-gpu",
+            "--remote-debugging-pipe",
+            f"--user-data-dir={folder}",
+        )
         command = f'exec "$@" 3<&{read} 4>&{write}'
         self._process = subprocess.Popen(
             ["bash", "-c", command, "bash", BROWSER, *options, "about:blank"],
@@ -101,7 +109,7 @@ class Chromium:
     def key(self, name):
         """Press and release a key."""
         about = {"key": name, "windowsVirtualKeyCode": KEYS.get(name, ord(name[0].upper()))}
-        text = {} if len(name) > 1 else {"text": name}
+        text = {"text": "\r" if name == "Enter" else name} if name == "Enter" or len(name) == 1 else {}
         self.call("Input.dispatchKeyEvent", type="keyDown", **about, **text)
         self.call("Input.dispatchKeyEvent", type="keyUp", **about)
 

@@ -27,7 +27,9 @@ class Running:
         if lacking > 0:
             memory.grow(self.store, -(-lacking // 65536))
         whole = np.frombuffer(memory.get_buffer_ptr(self.store), np.uint8)
-        self.views = [whole[at : at + 8 * n].view(np.float64) for at, n in zip(places, (*sizes, len(subsystem.outputs)))]
+        self.views = [
+            whole[at : at + 8 * n].view(np.float64) for at, n in zip(places, (*sizes, len(subsystem.outputs)))
+        ]
         self.at = places
         self.result, _, *_, self.state, self.given, self.inputs, self.outputs = self.views
         self.views[2][:], self.views[3][:] = numbers, tables
