@@ -122,9 +122,8 @@ def _parameter(
     least = limits.get("greater than", limits.get("at least", limits.get("from", -np.inf)))
     most = limits.get("at most", limits.get("to", np.inf))
     low, high = max(min(span[0], value), least), min(max(span[1], value), most)
-    return Parameter(
-        name, group, label, unit, low, high, value, words.replace("nan", "{}"), least, most, "greater" in words
-    )
+    refusal, above = words.replace("nan", "{}"), "greater than" in words
+    return Parameter(name, group, label, unit, low, high, value, refusal=refusal, least=least, most=most, above=above)
 
 
 def _of_law(law: str) -> list[Parameter]:

@@ -61,6 +61,7 @@ async function steerDeclared(declared) {
     status.classList.add("refusal");
     return;
   }
+  const spaced = (/** @type {string} */ name) => name.replaceAll("_", " ");
   const address = steerAddress(), pictures = steerPictures();
   const table = steerTable(find("metrics"), declared.metrics, declared.noticed);
   const fields = steerFields(find("fields"), changed);
@@ -83,7 +84,13 @@ async function steerDeclared(declared) {
   let latest = null;
   /** @type {((answer: any) => void)[]} */
   const answered = [];
-  let amplitude = 0.2, runs = 0, wanted = false, busy = false, rest = 0;
+  let notice = "", amplitude = 0.2, runs = 0, wanted = false, busy = false, rest = 0;
+
+  /** Tell an error of work that runs on by itself. @param {Promise<any>} work */
+  const told = (work) => work.catch((/** @type {Error} */ error) => {
+    status.textContent = error.message;
+    status.classList.add("refusal");
+  });
 
   worker.onmessage = (event) => /** @type {any} */ (answered.shift())(event.data);
   worker.onerror = (event) => { status.textContent = `The car could not be run: ${event.message}`; };
@@ -142,7 +149,7 @@ async function steerDeclared(declared) {
     }
     busy = false;
     clearTimeout(rest);
-    rest = setTimeout(settle, REST);
+    rest = setTimeout(() => told(settle()), REST);
   }
 
   async function settle() {
@@ -150,7 +157,7 @@ async function steerDeclared(declared) {
     busy = true;
     show(await driven(shown, true));
     busy = false;
-    if (wanted) update();
+    if (wanted) await update();
     else remember();
   }
 
@@ -164,7 +171,7 @@ async function steerDeclared(declared) {
       status.classList.add("refusal");
       return;
     }
-    status.textContent = "";
+    status.textContent = notice;
     status.classList.remove("refusal");
     if (answer.next > 0 && answer.next < 6) amplitude = answer.exact ? answer.amplitude : answer.next;
     latest = answer;
@@ -186,6 +193,7 @@ async function steerDeclared(declared) {
   ];
 
   function draw() {
+    if (!latest) return;
     const colours = ["--pin-a", "--pin-b", "--pin-c"].map(pictures.style);
     const all = [
       ...Object.keys(pins).map((name) => ({ of: pins[name].answer, colour: colours[address.PINS.indexOf(name)], wide: false })),
@@ -205,24 +213,44 @@ async function steerDeclared(declared) {
       })));
     }
     table.show(latest, Object.fromEntries(Object.entries(pins).map(([name, pin]) => [name, pin.answer])));
+    legend();
     main.dataset.run = String(latest.id);
   }
 
+  /** What is pinned, by what differs from the car. */
+  function legend() {
+    find("pinned").replaceChildren(...Object.entries(pins).map(([name, { shown: of }]) => {
+      const line = document.createElement("li");
+      line.dataset.pin = name;
+      const { parameters } = structures.get(`${of.law} ${of.chassis}`);
+      const label = (/** @type {string} */ key) => parameters.find((/** @type {Field} */ q) => q.name === key).label.split(",")[0];
+      const changed = Object.entries(of.values).map(([key, value]) => `${label(key)} ${value}`);
+      line.textContent = [`${name}: ${spaced(of.law)}`, spaced(of.chassis), ...changed].join(", ");
+      return line;
+    }));
+    for (const button of /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll("button.pin"))) {
+      button.setAttribute("aria-pressed", String((button.dataset.pin ?? "") in pins));
+    }
+  }
+
+  let remembered = location.hash;
+  addEventListener("hashchange", () => {  // a link to this page was opened in it
+    if (location.hash !== remembered) location.reload();
+  });
+
   function remember() {
     const text = address.whole(shown, Object.fromEntries(Object.entries(pins).map(([name, pin]) => [name, pin.shown])));
-    try {
-      history.replaceState(null, "", `#${text}`);
-    } catch {  // some browsers refuse it on a page from disk
-      location.replace(`#${text}`);
-    }
+    remembered = `#${text}`;
+    history.replaceState(null, "", remembered);
   }
 
   /** @param {string} name @param {number} value */
   function changed(name, value) {
     shown.values[name] = value;
+    notice = "";
     wanted = true;
     clearTimeout(rest);
-    update();
+    told(update());
   }
 
   /** Take a law, a chassis and values; what the page refuses is told and left as the car's. @param {any} to */
@@ -245,50 +273,51 @@ async function steerDeclared(declared) {
     return remarks;
   }
 
-  for (const law of known.laws) find("law").append(new Option(law.replaceAll("_", " "), law));
-  for (const chassis of known.chassis) find("chassis").append(new Option(chassis.replaceAll("_", " "), chassis));
-  for (const id of ["law", "chassis"]) {
-    find(id).addEventListener("change", async () => {
-      const to = { ...shown, [id]: find(id).value };
-      const { parameters } = await structure(to.law, to.chassis);
-      const names = new Set(parameters.map((/** @type {Field} */ q) => q.name));
-      // A parameter of the same name keeps its value; others belong to the law or the chassis of before.
-      to.values = Object.fromEntries(Object.entries(shown.values).filter(([name]) => names.has(name)));
-      const remarks = await choose(to);
-      wanted = true;
-      await update();
-      if (remarks.length) status.textContent = remarks.join(" ");
-    });
+  for (const law of known.laws) find("law").append(new Option(spaced(law), law));
+  for (const chassis of known.chassis) find("chassis").append(new Option(spaced(chassis), chassis));
+  for (const id of /** @type {("law" | "chassis")[]} */ (["law", "chassis"])) {
+    find(id).addEventListener("change", () => told(taken(id)));
+  }
+
+  /** Take the law or the chassis that was chosen. @param {"law" | "chassis"} id */
+  async function taken(id) {
+    const to = { ...shown, [id]: find(id).value };
+    const { parameters } = await structure(to.law, to.chassis);
+    const names = new Set(parameters.map((/** @type {Field} */ q) => q.name));
+    // A parameter of the same name keeps its value; others belong to the law or the chassis of before.
+    to.values = Object.fromEntries(Object.entries(shown.values).filter(([name]) => names.has(name)));
+    notice = (await choose(to)).join(" ");
+    wanted = true;
+    await update();
   }
   for (const button of document.querySelectorAll("button.pin")) {
     const name = /** @type {HTMLElement} */ (button).dataset.pin ?? "";
-    button.addEventListener("click", async () => {
-      await pin(name, { ...shown, values: { ...shown.values } });
-      draw();
-      remember();
-    });
+    button.addEventListener("click", () => told(pin(name, { ...shown, values: { ...shown.values } })));
   }
   find("unpin").addEventListener("click", () => {
     for (const name of Object.keys(pins)) delete pins[name];
     draw();
     remember();
   });
-  find("reset").addEventListener("click", async () => {
+  find("reset").addEventListener("click", () => told((async () => {
     await choose({ law: shown.law, chassis: shown.chassis, values: {} });
     wanted = true;
-    update();
-  });
+    await update();
+  })()));
 
   /** @param {string} name @param {any} of */
   async function pin(name, of) {
     const answer = await driven(of, true);
-    if (!answer.failed) pins[name] = { shown: of, answer };
+    if (answer.failed) return;
+    pins[name] = { shown: of, answer };
+    draw();
+    remember();
   }
 
   find("lead").textContent = `On-centre weave of ${declared.car.name}, simulated: ${declared.weave.target} m/s² at ` +
     `${declared.weave.frequency} Hz. Move a slider: the car is driven anew and redrawn.`;
-  try {
-    const remarks = [...start.remarks, ...(await choose(shown))];
+  await told((async () => {
+    notice = [...start.remarks, ...(await choose(shown))].join(" ");
     main.hidden = false;
     for (const [name, given] of Object.entries(start.pins)) {
       const read = address.read(given, shown, known);
@@ -296,9 +325,5 @@ async function steerDeclared(declared) {
       await pin(name, read.shown);
     }
     show(await driven(shown, true));
-    if (remarks.length) status.textContent = remarks.join(" ");
-  } catch (error) {
-    status.textContent = /** @type {Error} */ (error).message;
-    status.classList.add("refusal");
-  }
+  })());
 }

@@ -45,7 +45,7 @@ function steerPictures() {
     /** @param {string} label @param {number} room */
     const axis = (label, room) => ({
       label, labelSize: 20, size: room, font: "12px sans-serif", labelFont: "12px sans-serif", stroke: style("--ink"),
-      grid: { stroke: style("--line"), width: 1 }, ticks: { show: false }, space: label.startsWith("time") ? 40 : 24,
+      grid: { stroke: style("--line"), width: 1 }, ticks: { show: false }, space: label === xLabel ? 56 : 24,
     });
 
     /** @param {string} scale */

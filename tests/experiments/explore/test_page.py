@@ -154,9 +154,9 @@ def test_pins_are_laid_over_and_differences_are_told(page, browser):
     browser.value("document.querySelector('button.pin[data-pin=A]').focus()")
     browser.key("Enter")
     browser.until("document.querySelectorAll('#metrics thead th').length === 5")
-    browser.value("document.getElementById('field-friction.F_c').select()")
-    browser.type("2.5")
-    browser.until("location.hash.includes('friction.F_c=2.5')")
+    browser.value("document.getElementById('field-assist.boost_scale').select()")
+    browser.type("0.5")
+    browser.until("location.hash.includes('assist.boost_scale=0.5')")
     rows = "[...document.querySelectorAll('#metrics tbody tr')]"
     peak = f"{rows}.find((row) => row.textContent.startsWith('peak handwheel torque'))"
     assert browser.value(f"{peak}.querySelector('small.noticed').textContent") == "perceptible"
