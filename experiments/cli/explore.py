@@ -1,4 +1,4 @@
-"""Write a page in which sliders change friction law and car and a weave is redrawn at once; it needs no server.
+"""Write a page in which sliders change friction law and car, and a weave is redrawn.
 
 index.html opens from disk, and from any static host; it asks the network for nothing. Each law on each chassis is
 compiled once, which takes a minute or more.
@@ -15,11 +15,10 @@ GROUP = "car"
 
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    laws = names.laws()
-    text = f"friction law of the page, which begins with the first; may be repeated: {', '.join(laws)} (default: five)"
-    parser.add_argument("--law", dest="laws", metavar="LAW", choices=laws, action="append", help=text)
-    text = "chassis of the page, which begins with the first; may be repeated (default: both)"
-    parser.add_argument("--chassis", dest="bodies", choices=names.chassis(), action="append", help=text)
+    text = "of the page, which begins with the first and has their default parameters"
+    options.add(parser, "--friction", text, otherwise="five laws", nargs="+", action="extend")
+    text = "of the page, which begins with the first"
+    options.add(parser, "--chassis", text, otherwise="both", choices=names.chassis(), nargs="+", action="extend")
     car_options.add(parser)
     options.add_out(parser, "to write the page into", required=True)
 
@@ -32,13 +31,10 @@ def run(args: argparse.Namespace) -> None:
     from steer_env.experiments.explore.writing import LAWS_SHOWN
     from steer_env.experiments.pages.options import progress
 
+    laws = [each.text for each in args.friction] if args.friction else LAWS_SHOWN
     car = car_options.load(args)
     with progress("compiling") as notify:
         page = explore.explore(
-            args.out,
-            vehicle=car,
-            friction=args.laws or LAWS_SHOWN,
-            chassis=args.bodies or names.chassis(),
-            notify=notify,
+            args.out, vehicle=car, friction=laws, chassis=args.chassis or names.chassis(), notify=notify
         )
     print(page)

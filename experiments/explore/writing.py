@@ -25,7 +25,7 @@ from steer_env.experiments.pages import files, words
 from steer_env.experiments.pages.style import PALETTE
 from steer_env.friction.law import LAWS
 from steer_env.friction.numerics.check import one_of
-from steer_env.friction.numerics.packing import Leaf, leaves
+from steer_env.friction.numerics.packing import Leaf, leaves, slices
 from steer_env.friction.numerics.packing import numbers as packed
 from steer_env.manoeuvres import make as make_manoeuvre
 from steer_env.metrics.common import just_noticeable, loops
@@ -47,7 +47,7 @@ LARGE = 1000  # numbers from which on a table is written once for all modules
 RATE = 1.0 / SAMPLE_TIME  # [Hz]
 RECORDED = (ANGLE, TORQUE, AY, YAW, "rack_force")
 # While a slider moves: the fewest cycles of which some are settled, so that the picture follows.
-MOVING_CYCLES, MOVING_FEWEST = 4, 2
+MOVING_CYCLES, MOVING_FEWEST = 3, 1
 THIN = 10  # samples between two points of a curve
 
 
@@ -62,6 +62,11 @@ class Combination:
     def file(self) -> str:
         """Path of its script in the folder."""
         return f"{MODULES}/{self.chassis}_{self.law}.js"
+
+
+def _beginning(chassis: str) -> str:
+    """Path of the script of the module that begins a drive on a chassis."""
+    return f"{MODULES}/{chassis}_beginning.js"
 
 
 def explore(
@@ -113,6 +118,9 @@ def explore(
         shared: dict[str, list[float]] = {}
         for k, each in enumerate(wanted):
             notify(k / len(wanted), f"{each.law}, {each.chassis}")
+            if not (out / _beginning(each.chassis)).exists():
+                p = parameters.plant(car, module.BEGINNING, each.chassis, {})
+                _write(out / _beginning(each.chassis), "steerModule", _packed(module.beginning(p)))
             _write(out / each.file, "steerModule", _module(car, each, shared))
         _write(out / "declared.js", "steerDeclared", declared(car, wanted))
         _write(out / "tables.js", "steerTables", {name: _packed(values) for name, values in shared.items()})
@@ -149,7 +157,7 @@ def _module(car: Car, which: Combination, shared: dict[str, list[float]]) -> dic
     return {
         "structure": structure(car, which),
         "tables": tables,
-        "wasm": _packed(module.compiled(p)),
+        "wasm": _packed(module.advancing(p)),
     }
 
 
@@ -179,7 +187,15 @@ def structure(car: Car, which: Combination) -> dict[str, Any]:
         "inputs": subsystem.inputs,
         "channels": [name for name, _ in plant.channels(p)],
         "zeroStates": list(subsystem.zero_states),
+        **_begun(car, which, p),
     }
+
+
+def _begun(car: Car, which: Combination, p: plant.Plant) -> dict[str, Any]:
+    """Which packed numbers are the law's, and those of the law ``BEGINNING`` in their place."""
+    own = [place for name, place in slices(p).items() if name.startswith("friction.")]
+    other = parameters.plant(car, module.BEGINNING, which.chassis, {}).friction
+    return {"ofLaw": [own[0].start, own[-1].stop], "beginning": packed(other).tolist()}
 
 
 def _field(q: parameters.Parameter) -> dict[str, Any]:
@@ -196,6 +212,7 @@ def declared(car: Car, wanted: Sequence[Combination]) -> dict[str, Any]:
         "laws": [{"name": law, "about": _about(law)} for law in dict.fromkeys(each.law for each in wanted)],
         "chassis": list(dict.fromkeys(each.chassis for each in wanted)),
         "modules": {f"{each.law} {each.chassis}": each.file for each in wanted},
+        "beginnings": {each.chassis: _beginning(each.chassis) for each in wanted},
         "colours": list(PALETTE),
         "weave": {
             "frequency": weave.frequency,

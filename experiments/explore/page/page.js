@@ -95,6 +95,15 @@ async function steerDeclared(declared) {
   worker.onmessage = (event) => /** @type {any} */ (answered.shift())(event.data);
   worker.onerror = (event) => { status.textContent = `The car could not be run: ${event.message}`; };
 
+  /** What the script of a module hands over. @param {string} file */
+  async function handed(file) {
+    /** @type {any} */
+    let data = null;
+    steerModule = (/** @type {any} */ given) => { data = given; };
+    await steerScript(file);
+    return data;
+  }
+
   /** @param {string} law @param {string} chassis */
   async function structure(law, chassis) {
     const key = `${law} ${chassis}`;
@@ -109,10 +118,7 @@ async function steerDeclared(declared) {
       for (const name of Object.keys(packed)) found[name] = new Float64Array((await steerUnpacked(packed[name])).buffer);
       shared = found;
     }
-    /** @type {any} */
-    let data = null;
-    steerModule = (/** @type {any} */ given) => { data = given; };
-    await steerScript(declared.modules[key]);
+    const data = await handed(declared.modules[key]), begun = await handed(declared.beginnings[chassis]);
     const lists = data.tables.map((/** @type {any} */ each) =>
       typeof each === "string" ? /** @type {any} */ (shared)[each] : Float64Array.from(each));
     const tables = new Float64Array(lists.reduce((/** @type {number} */ n, /** @type {any} */ list) => n + list.length, 0));
@@ -121,7 +127,8 @@ async function steerDeclared(declared) {
       tables.set(list, at);
       at += list.length;
     }
-    worker.postMessage({ module: { structure: data.structure, wasm: await steerUnpacked(data.wasm), tables } });
+    const [wasm, beginning] = await Promise.all([data.wasm, begun].map(steerUnpacked));
+    worker.postMessage({ module: { structure: data.structure, wasm, beginning, tables } });
     structures.set(key, data.structure);
     return data.structure;
   }

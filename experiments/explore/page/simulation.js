@@ -5,7 +5,8 @@
 /** @typedef {{parameters: number[], degrees: number[], places: number[], coefficients: number[][]}} Dependence */
 /** @typedef {{name: string, low: number, high: number}} SliderRange */
 /** @typedef {{law: string, chassis: string, parameters: SliderRange[], numbers: number[], dependences: Dependence[],
- *             states: number, given: number, inputs: number, channels: string[], zeroStates: number[]}} Structure */
+ *             states: number, given: number, inputs: number, channels: string[], zeroStates: number[],
+ *             ofLaw: number[], beginning: number[]}} Structure */
 /** @typedef {{frequency: number, rate: number, target: number, trialCycles: number, channels: string[]}} Weave */
 
 function steerSimulation() {
@@ -34,50 +35,83 @@ function steerSimulation() {
     return numbers;
   }
 
-  /** An instance of a module, with its arrays. */
-  class Car {
-    /** @param {Structure} structure @param {WebAssembly.Module} module @param {Float64Array} tables */
-    constructor(structure, module, tables) {
-      const exports = /** @type {any} */ (new WebAssembly.Instance(module, {}).exports);
-      exports._initialize();
-      this.structure = structure;
-      const sizes = [1, 1, structure.numbers.length, tables.length, structure.states, structure.given,
-        structure.inputs, structure.channels.length];
-      let end = Math.ceil(exports.__heap_base.value / 16) * 16;
+  /** An instance of a module, with arrays of floats in its memory. */
+  class Instance {
+    /** @param {WebAssembly.Module} module @param {number[]} sizes of the arrays; the first two hold results */
+    constructor(module, sizes) {
+      this.exports = /** @type {any} */ (new WebAssembly.Instance(module, {}).exports);
+      this.exports._initialize();
+      let end = Math.ceil(this.exports.__heap_base.value / 16) * 16;
       this.at = sizes.map((size) => {
         const start = end;
         end += 8 * size;
         return start;
       });
-      const lacking = Math.ceil((end - exports.memory.buffer.byteLength) / 65536);
-      if (lacking > 0) exports.memory.grow(lacking);
-      const view = (/** @type {number} */ k) => new Float64Array(exports.memory.buffer, this.at[k], sizes[k]);
-      this.word = new Int32Array(exports.memory.buffer, this.at[0], 2);
-      this.numbers = view(2);
-      this.tables = view(3);
-      this.state = view(4);
-      this.given = view(5);
-      this.inputs = view(6);
-      this.outputs = view(7);
-      this.tables.set(tables);
-      this.exports = exports;
+      const { memory } = this.exports, lacking = Math.ceil((end - memory.buffer.byteLength) / 65536);
+      if (lacking > 0) memory.grow(lacking);
+      this.word = new Int32Array(memory.buffer, this.at[0], 2);
+      this.arrays = this.at.map((at, k) => new Float64Array(memory.buffer, at, sizes[k]));
+    }
+  }
+
+  /** What begins a drive on a chassis, with whatever law. */
+  class Beginning {
+    /** @param {Structure} structure of any law on the chassis @param {WebAssembly.Module} module
+        @param {Float64Array} tables */
+    constructor(structure, module, tables) {
+      const [from, to] = structure.ofLaw, numbers = structure.numbers.length - (to - from) + structure.beginning.length;
+      this.instance = new Instance(module, [1, 1, numbers, tables.length, structure.states]);
+      this.instance.arrays[3].set(tables);
+    }
+
+    /** Write the state of straight running; in how many milliseconds it settles.
+        @param {Structure} structure @param {Float64Array} numbers @param {Float64Array} state */
+    write(structure, numbers, state) {
+      const [from, to] = structure.ofLaw, [, , own, , begun] = this.instance.arrays;
+      own.set(numbers.subarray(0, from));
+      own.set(structure.beginning, from);
+      own.set(numbers.subarray(to), from + structure.beginning.length);
+      this.instance.exports.steer_begin(...this.instance.at);
+      state.fill(0);
+      state.set(begun.subarray(0, Math.min(begun.length, state.length)));
+      return this.instance.word[0];
+    }
+  }
+
+  /** The car with a law on a chassis. */
+  class Car {
+    /** @param {Structure} structure @param {WebAssembly.Module} module @param {Beginning} beginning
+        @param {Float64Array} tables */
+    constructor(structure, module, beginning, tables) {
+      this.structure = structure;
+      this.beginning = beginning;
+      const { numbers, states, given, inputs, channels } = structure;
+      const sizes = [1, 1, numbers.length, tables.length, states, given, inputs, channels.length];
+      this.instance = new Instance(module, sizes);
+      const { arrays } = this.instance;
+      this.numbers = arrays[2];
+      this.state = arrays[4];
+      this.given = arrays[5];
+      this.inputs = arrays[6];
+      this.outputs = arrays[7];
+      arrays[3].set(tables);
     }
 
     /** Settle in straight running. @param {Float64Array} numbers */
     begin(numbers) {
       this.numbers.set(numbers);
-      this.exports.steer_begin(...this.at.slice(0, 5));
+      const samples = this.beginning.write(this.structure, numbers, this.state);
       this.given.fill(0);
       this.inputs.fill(0);
-      this.advance(this.word[0]);
+      this.advance(samples);
       for (const place of this.structure.zeroStates) this.state[place] = 0;
     }
 
     /** Advance by so many milliseconds; whether every state is finite. @param {number} samples */
     advance(samples) {
-      const [result, unused, numbers, tables, state, given, inputs, outputs] = this.at;
-      this.exports.steer_advance(result, unused, numbers, tables, state, given, inputs, outputs, BigInt(samples));
-      return this.word[0] !== 0;
+      const { at, exports, word } = this.instance;
+      exports.steer_advance(...at, BigInt(samples));
+      return word[0] !== 0;
     }
   }
 
@@ -99,15 +133,15 @@ function steerSimulation() {
     const size = Math.round((cycles / weave.frequency) * weave.rate), one = BigInt(1);
     const record = names.map(() => new Float64Array(size));
     const places = names.map((name) => car.structure.channels.indexOf(name));
-    const { given, outputs } = car, advance = car.exports.steer_advance;
-    const [result, unused, at, tables, state, from, inputs, to] = car.at;
+    const { given, outputs } = car, advance = car.instance.exports.steer_advance;
+    const [result, unused, at, tables, state, from, inputs, to] = car.instance.at;
     car.begin(numbers);
     for (let i = 0; i < size; i++) {
       [given[1], given[2]] = sine((i + 1) / weave.rate, amplitude, weave.frequency);
       advance(result, unused, at, tables, state, from, inputs, to, one);
       for (let k = 0; k < places.length; k++) record[k][i] = outputs[places[k]];
     }
-    if (car.word[0] === 0) return null;
+    if (car.instance.word[0] === 0) return null;
     return Object.fromEntries(names.map((name, k) => [name, record[k]]));
   }
 
@@ -135,5 +169,5 @@ function steerSimulation() {
     return NaN;
   }
 
-  return { packed, Car, sine, drive, halfSpan, findAmplitude };
+  return { packed, Beginning, Car, sine, drive, halfSpan, findAmplitude };
 }

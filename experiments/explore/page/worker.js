@@ -5,7 +5,7 @@
 
 "use strict";
 
-/** @typedef {{structure: any, wasm: Uint8Array<ArrayBuffer>, tables: Float64Array}} ModuleMessage */
+/** @typedef {{structure: any, wasm: Uint8Array<ArrayBuffer>, beginning: Uint8Array<ArrayBuffer>, tables: Float64Array}} ModuleMessage */
 /** @typedef {{id: number, key: string, values: Record<string, number>, amplitude: number, exact: boolean}} RunMessage */
 
 /** @param {any} scope @param {any} settings @param {any} simulation @param {any} metrics */
@@ -43,8 +43,9 @@ function steerWorker(scope, settings, simulation, metrics) {
 
   scope.onmessage = (/** @type {MessageEvent} */ event) => {
     if (event.data.module) {
-      const { structure, wasm, tables } = /** @type {ModuleMessage} */ (event.data.module);
-      const car = new simulation.Car(structure, new WebAssembly.Module(wasm), tables);
+      const { structure, wasm, beginning, tables } = /** @type {ModuleMessage} */ (event.data.module);
+      const begun = new simulation.Beginning(structure, new WebAssembly.Module(beginning), tables);
+      const car = new simulation.Car(structure, new WebAssembly.Module(wasm), begun, tables);
       cars.set(`${structure.law} ${structure.chassis}`, car);
       return;
     }

@@ -28,7 +28,8 @@ SECONDS, AMPLITUDE = 10.0, 0.3
 def test_a_weave_is_that_of_the_native_plant(law, body):
     car = cars.load("compact")
     p = car.plant(law, robot=True, chassis=body)
-    running = Running(module.compiled(parameters.plant(car, law, body, {})), parameters.plant(car, law, body, {}))
+    own, begun = (parameters.plant(car, each, body, {}) for each in (law, module.BEGINNING))
+    running = Running(module.advancing(own), module.beginning(begun), own, begun)
     u = driving.inputs(manoeuvres.make("weave"), AMPLITUDE, SECONDS)
     native = driving.run(p, manoeuvres.make("weave"), u)
     found = running.run(u)
