@@ -1,9 +1,11 @@
 """The whole car as a subsystem: the plant as the environments and manoeuvres run it."""
 
+import numpy as np
+
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle import chassis, plant
 from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST, HAND, HAND_SPEED, INPUTS, TARGET_SPEED
-from steer_env.vehicle.layout import layout_of, states
+from steer_env.vehicle.layout import layout_of, size_of, states
 from steer_env.vehicle.steering.column import HANDWHEEL_ANGLE, HANDWHEEL_SPEED
 from steer_env.vehicle.subsystems.subsystem import Signal, Subsystem, channel_signals, reached
 
@@ -62,9 +64,14 @@ def advance(p, state, given, inputs, outputs, samples):
 
 def subsystem(p: plant.Plant) -> Subsystem:
     """The car of a plant."""
+    start, shown = plant.settled(p)
+    return unsettled(p)._replace(start=start, shown=shown)
+
+
+def unsettled(p: plant.Plant) -> Subsystem:
+    """The car of a plant with zeros in place of its settled state: enough to compile it, and nothing is run."""
     kind = chassis.chassis_of(p.chassis)
     first = layout_of(p).chassis
-    start, shown = plant.settled(p)
     positions = tuple(i for i, (name, _) in enumerate(kind.states) if name in ("x", "y", "distance"))
     # A chassis that does not report its speed holds it; inputs that would change the speed have no effect.
     end = len(INPUTS) if "longitudinal_speed" in dict(kind.channels) else TARGET_SPEED
@@ -79,8 +86,8 @@ def subsystem(p: plant.Plant) -> Subsystem:
         given_size=len(INPUTS) + 1,
         outputs=channel_signals(plant.channels(p), plant.meanings(p)),
         inputs=len(INPUTS),
-        start=start,
-        shown=shown,
+        start=np.zeros(size_of(p)),
+        shown=np.zeros(len(plant.channels(p))),
         zero_states=tuple(first + i for i in positions),
         zero_outputs=(plant.CHANNEL["x"], plant.CHANNEL["y"]),
     )

@@ -15,6 +15,7 @@ MODULES = {
     "test": ("vehiclemodels",),
     "integrations": ("minari", "h5py"),
     "fmu": ("fmpy", "ziglang"),
+    "explore": ("ziglang",),
     "tune": ("optuna",),
 }  # extra -> modules that it brings
 OF_ALGORITHM = {"recurrent-ppo": "sb3_contrib"}

@@ -1,5 +1,6 @@
 """Object code of a subsystem, which an FMU contains: for a stated platform and, of x86-64, level of processors."""
 
+from collections.abc import Collection
 from typing import Any, NamedTuple
 
 import numba
@@ -106,8 +107,8 @@ def processor(name: str) -> Processor:
     return Processor(name, tuple(feature for feature in FEATURES if here.get(feature, False)))
 
 
-def module_text(subsystem: Subsystem) -> str:
-    """LLVM module of a subsystem, optimised, whose only visible functions are its :func:`functions`.
+def module_text(subsystem: Subsystem, chosen: Collection[str] | None = None) -> str:
+    """LLVM module of a subsystem, optimised, whose only visible functions are its :func:`functions`, or those chosen.
 
     Its code is made for the structure of the subsystem's parameters, not for their values.
 
@@ -119,6 +120,8 @@ def module_text(subsystem: Subsystem) -> str:
     require_compiled("an export")
     whole = llvm.parse_assembly("")
     for name, function in functions(subsystem).items():
+        if chosen is not None and name not in chosen:
+            continue
         whole.link_in(_module(name, function, signature(subsystem)))
     return str(whole)
 

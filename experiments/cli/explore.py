@@ -1,0 +1,40 @@
+"""Write a page in which sliders change friction law and car, and a weave is redrawn.
+
+index.html opens from disk, and from any static host; it asks the network for nothing. Each law on each chassis is
+compiled once, which takes a minute or more.
+"""
+
+import argparse
+
+from steer_env.experiments.cli.common import names, options
+from steer_env.experiments.cli.common.extras import require
+from steer_env.experiments.pages import car_options
+
+GROUP = "car"
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    text = "of the page, which begins with the first and has their default parameters"
+    options.add(parser, "--friction", text, otherwise="five laws", nargs="+", action="extend")
+    text = "of the page, which begins with the first"
+    options.add(parser, "--chassis", text, otherwise="both", choices=names.chassis(), nargs="+", action="extend")
+    car_options.add(parser)
+    options.add_out(parser, "to write the page into", required=True)
+
+
+def run(args: argparse.Namespace) -> None:
+    """Write the folder."""
+    require("explore", "the page")
+
+    from steer_env.experiments import explore
+    from steer_env.experiments.explore.writing import LAWS_SHOWN
+    from steer_env.experiments.pages.options import progress
+
+    laws = [each.text for each in args.friction] if args.friction else LAWS_SHOWN
+    car = car_options.load(args)
+    with progress("compiling") as notify:
+        page = explore.explore(
+            args.out, vehicle=car, friction=laws, chassis=args.chassis or names.chassis(), notify=notify
+        )
+    print(page)

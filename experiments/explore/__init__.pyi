@@ -1,0 +1,3 @@
+from .writing import explore
+
+__all__ = ["explore"]

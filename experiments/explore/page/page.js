@@ -1,0 +1,336 @@
+/* The page: it loads what it needs, asks the worker for a weave at every change, and shows what comes back.
+
+   One run is on its way at a time. While values change, the worker drives a short weave with an amplitude that follows
+   from the run before; once they rest, the amplitude is found anew and the whole weave is driven, as Python drives it. */
+
+"use strict";
+
+const REST = 250;  // time without a change after which the whole weave is driven [ms]
+// A module with one instruction of vectors, by which a browser tells whether it knows them.
+const VECTORS = [0, 97, 115, 109, 1, 0, 0, 0, 1, 5, 1, 96, 0, 1, 123, 3, 2, 1, 0, 10, 10, 1, 8, 0, 65, 0, 253, 15, 253,
+  98, 11];
+const DEGREES = 180 / Math.PI;
+
+/** What keeps this browser from running the page, in a sentence; empty if nothing does. */
+function steerLacking() {
+  if (typeof WebAssembly !== "object" || !WebAssembly.validate(new Uint8Array(VECTORS))) {
+    return "This page runs the car as WebAssembly with vectors (SIMD), which this browser lacks: take Chromium 91, " +
+      "Firefox 113 or Safari 16.4, or a newer one.";
+  }
+  if (typeof DecompressionStream !== "function" || typeof Worker !== "function") {
+    return "This page needs DecompressionStream and workers, which this browser lacks: take Chromium 91, Firefox 113 " +
+      "or Safari 16.4, or a newer one.";
+  }
+  return "";
+}
+
+/** Bytes of a text in base64 that zlib has packed. @param {string} text */
+async function steerUnpacked(text) {
+  const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+/** Scripts that hand over data call these; each is set while its file loads. */
+/** @type {(data: any) => void} */
+let steerModule = () => {};
+/** @type {(data: any) => void} */
+let steerTables = () => {};
+
+/** What is shown, for tests and for the console. @type {any} */
+const steerShown = { structures: new Map(), answer: null };
+
+/** @param {string} file */
+function steerScript(file) {
+  return new Promise((resolve, reject) => {
+    const script = document.createElement("script");
+    script.src = file;
+    script.onload = resolve;
+    script.onerror = () => reject(new Error(`${file} could not be loaded: is the folder complete?`));
+    document.head.append(script);
+  });
+}
+
+/** @param {any} declared */
+async function steerDeclared(declared) {
+  const find = (/** @type {string} */ id) => /** @type {any} */ (document.getElementById(id));
+  const status = find("status"), main = /** @type {HTMLElement} */ (document.querySelector("main"));
+  const lacking = steerLacking();
+  if (lacking) {
+    status.textContent = lacking;
+    status.classList.add("refusal");
+    return;
+  }
+  const spaced = (/** @type {string} */ name) => name.replaceAll("_", " ");
+  const address = steerAddress(), pictures = steerPictures();
+  const table = steerTable(find("metrics"), declared.metrics, declared.noticed);
+  const fields = steerFields(find("fields"), changed);
+  const settings = { weave: declared.weave, metrics: declared.metrics };
+  const text = [
+    ...[steerMetrics, steerSimulation, steerWorker].map(String),
+    `steerWorker(self, ${JSON.stringify(settings)}, steerSimulation(), steerMetrics(${JSON.stringify(declared.loops)}))`,
+  ].join("\n");
+  const worker = new Worker(URL.createObjectURL(new Blob([`"use strict";\n${text}`], { type: "text/javascript" })));
+
+  const { structures } = steerShown;
+  /** @type {Record<string, Float64Array> | null} */
+  let shared = null;
+  const known = { laws: declared.laws.map((/** @type {any} */ law) => law.name), chassis: declared.chassis };
+  const start = address.read(location.hash.slice(1), { law: known.laws[0], chassis: known.chassis[0] }, known);
+  let shown = start.shown;
+  /** @type {Record<string, any>} */
+  const pins = {};
+  /** @type {any} */
+  let latest = null;
+  /** @type {((answer: any) => void)[]} */
+  const answered = [];
+  let notice = "", amplitude = 0.2, runs = 0, wanted = false, busy = false, rest = 0;
+
+  /** Tell an error of work that runs on by itself. @param {Promise<any>} work */
+  const told = (work) => work.catch((/** @type {Error} */ error) => {
+    status.textContent = error.message;
+    status.classList.add("refusal");
+  });
+
+  worker.onmessage = (event) => /** @type {any} */ (answered.shift())(event.data);
+  worker.onerror = (event) => { status.textContent = `The car could not be run: ${event.message}`; };
+
+  /** What the script of a module hands over. @param {string} file */
+  async function handed(file) {
+    /** @type {any} */
+    let data = null;
+    steerModule = (/** @type {any} */ given) => { data = given; };
+    await steerScript(file);
+    return data;
+  }
+
+  /** @param {string} law @param {string} chassis */
+  async function structure(law, chassis) {
+    const key = `${law} ${chassis}`;
+    if (structures.has(key)) return structures.get(key);
+    if (!shared) {
+      /** @type {Record<string, Float64Array>} */
+      const found = {};
+      /** @type {any} */
+      let packed = null;
+      steerTables = (data) => { packed = data; };
+      await steerScript("tables.js");
+      for (const name of Object.keys(packed)) found[name] = new Float64Array((await steerUnpacked(packed[name])).buffer);
+      shared = found;
+    }
+    const data = await handed(declared.modules[key]), begun = await handed(declared.beginnings[chassis]);
+    const lists = data.tables.map((/** @type {any} */ each) =>
+      typeof each === "string" ? /** @type {any} */ (shared)[each] : Float64Array.from(each));
+    const tables = new Float64Array(lists.reduce((/** @type {number} */ n, /** @type {any} */ list) => n + list.length, 0));
+    let at = 0;
+    for (const list of lists) {
+      tables.set(list, at);
+      at += list.length;
+    }
+    const [wasm, beginning] = await Promise.all([data.wasm, begun].map(steerUnpacked));
+    worker.postMessage({ module: { structure: data.structure, wasm, beginning, tables } });
+    structures.set(key, data.structure);
+    return data.structure;
+  }
+
+  /** Every value of a car: those that were changed, and the car's own. @param {any} of */
+  function values(of) {
+    const { parameters } = structures.get(`${of.law} ${of.chassis}`);
+    return Object.fromEntries(parameters.map((/** @type {Field} */ q) => [q.name, of.values[q.name] ?? q.value]));
+  }
+
+  /** @param {any} of @param {boolean} exact @returns {Promise<any>} */
+  function driven(of, exact) {
+    return new Promise((resolve) => {
+      answered.push(resolve);
+      worker.postMessage({ run: { id: ++runs, key: `${of.law} ${of.chassis}`, values: values(of), amplitude, exact } });
+    });
+  }
+
+  async function update() {
+    if (busy) return;
+    busy = true;
+    while (wanted) {
+      wanted = false;
+      show(await driven(shown, false));
+    }
+    busy = false;
+    clearTimeout(rest);
+    rest = setTimeout(() => told(settle()), REST);
+  }
+
+  async function settle() {
+    if (busy) return;
+    busy = true;
+    show(await driven(shown, true));
+    busy = false;
+    if (wanted) await update();
+    else remember();
+  }
+
+  /** @param {any} answer */
+  function show(answer) {
+    main.dataset.exact = String(answer.exact);
+    if (answer.failed) {
+      amplitude = 0.2;
+      status.textContent = `With these values no handwheel amplitude gives a steady weave at ${declared.weave.target} ` +
+        "m/s²: the car spins, or its assist loop is unstable.";
+      status.classList.add("refusal");
+      return;
+    }
+    status.textContent = notice;
+    status.classList.remove("refusal");
+    if (answer.next > 0 && answer.next < 6) amplitude = answer.exact ? answer.amplitude : answer.next;
+    latest = answer;
+    steerShown.answer = answer;
+    draw();
+  }
+
+  const loops = [
+    { draw: pictures.picture(find("torque-angle"), "handwheel angle [deg]", "hand torque [N m]", 0.68),
+      x: "handwheel_angle", y: "handwheel_torque", scale: [DEGREES, 1] },
+    { draw: pictures.picture(find("torque-acceleration"), "lateral acceleration [m/s²]", "hand torque [N m]", 0.68),
+      x: "lateral_acceleration", y: "handwheel_torque", scale: [1, 1] },
+  ];
+  const histories = [
+    { draw: pictures.picture(find("torque-time"), "time [s]", "hand torque [N m]", 0.5), y: "handwheel_torque", scale: 1 },
+    { draw: pictures.picture(find("acceleration-time"), "time [s]", "acceleration [m/s²]", 0.5),
+      y: "lateral_acceleration", scale: 1 },
+    { draw: pictures.picture(find("rack-time"), "time [s]", "rack force [kN]", 0.5), y: "rack_force", scale: 1e-3 },
+  ];
+
+  function draw() {
+    if (!latest) return;
+    const colours = ["--pin-a", "--pin-b", "--pin-c"].map(pictures.style);
+    const all = [
+      ...Object.keys(pins).map((name) => ({ of: pins[name].answer, colour: colours[address.PINS.indexOf(name)], wide: false })),
+      { of: latest, colour: pictures.style("--accent"), wide: true },
+    ];
+    const scaled = (/** @type {number[]} */ list, /** @type {number} */ by) => list.map((v) => v * by);
+    for (const loop of loops) {
+      loop.draw(all.map(({ of, colour, wide }) => ({
+        x: scaled(of.shown[loop.x], loop.scale[0]), y: scaled(of.shown[loop.y], loop.scale[1]), colour, wide,
+      })));
+    }
+    const step = declared.weave.thin / declared.weave.rate;
+    for (const history of histories) {
+      history.draw(all.map(({ of, colour, wide }) => ({
+        x: of.shown[history.y].map((/** @type {number} */ _, /** @type {number} */ i) => i * step),
+        y: scaled(of.shown[history.y], history.scale), colour, wide,
+      })));
+    }
+    table.show(latest, Object.fromEntries(Object.entries(pins).map(([name, pin]) => [name, pin.answer])));
+    legend();
+    main.dataset.run = String(latest.id);
+  }
+
+  /** What is pinned, by what differs from the car. */
+  function legend() {
+    find("pinned").replaceChildren(...Object.entries(pins).map(([name, { shown: of }]) => {
+      const line = document.createElement("li");
+      line.dataset.pin = name;
+      const { parameters } = structures.get(`${of.law} ${of.chassis}`);
+      const label = (/** @type {string} */ key) => parameters.find((/** @type {Field} */ q) => q.name === key).label.split(",")[0];
+      const changed = Object.entries(of.values).map(([key, value]) => `${label(key)} ${value}`);
+      line.textContent = [`${name}: ${spaced(of.law)}`, spaced(of.chassis), ...changed].join(", ");
+      return line;
+    }));
+    for (const button of /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll("button.pin"))) {
+      button.setAttribute("aria-pressed", String((button.dataset.pin ?? "") in pins));
+    }
+  }
+
+  let remembered = location.hash;
+  addEventListener("hashchange", () => {  // a link to this page was opened in it
+    if (location.hash !== remembered) location.reload();
+  });
+
+  function remember() {
+    const text = address.whole(shown, Object.fromEntries(Object.entries(pins).map(([name, pin]) => [name, pin.shown])));
+    remembered = `#${text}`;
+    history.replaceState(null, "", remembered);
+  }
+
+  /** @param {string} name @param {number} value */
+  function changed(name, value) {
+    shown.values[name] = value;
+    notice = "";
+    wanted = true;
+    clearTimeout(rest);
+    told(update());
+  }
+
+  /** Take a law, a chassis and values; what the page refuses is told and left as the car's. @param {any} to */
+  async function choose(to) {
+    const { parameters } = await structure(to.law, to.chassis);
+    const remarks = [];
+    /** @type {Record<string, number>} */
+    const kept = {};
+    for (const [name, value] of Object.entries(to.values)) {
+      const field = parameters.find((/** @type {Field} */ q) => q.name === name);
+      const why = field ? fields.refusal(field, Number(value), String(value)) : `this page has no ${name} here`;
+      if (why) remarks.push(`${why}; left as the car has it.`);
+      else kept[name] = Number(value);
+    }
+    shown = { law: to.law, chassis: to.chassis, values: kept };
+    find("law").value = shown.law;
+    find("chassis").value = shown.chassis;
+    find("about").textContent = declared.laws.find((/** @type {any} */ law) => law.name === shown.law).about;
+    fields.show(parameters, values(shown));
+    return remarks;
+  }
+
+  for (const law of known.laws) find("law").append(new Option(spaced(law), law));
+  for (const chassis of known.chassis) find("chassis").append(new Option(spaced(chassis), chassis));
+  for (const id of /** @type {("law" | "chassis")[]} */ (["law", "chassis"])) {
+    find(id).addEventListener("change", () => told(taken(id)));
+  }
+
+  /** Take the law or the chassis that was chosen. @param {"law" | "chassis"} id */
+  async function taken(id) {
+    const to = { ...shown, [id]: find(id).value };
+    const { parameters } = await structure(to.law, to.chassis);
+    const names = new Set(parameters.map((/** @type {Field} */ q) => q.name));
+    // A parameter of the same name keeps its value; others belong to the law or the chassis of before.
+    to.values = Object.fromEntries(Object.entries(shown.values).filter(([name]) => names.has(name)));
+    notice = (await choose(to)).join(" ");
+    wanted = true;
+    await update();
+  }
+  for (const button of document.querySelectorAll("button.pin")) {
+    const name = /** @type {HTMLElement} */ (button).dataset.pin ?? "";
+    button.addEventListener("click", () => told(pin(name, { ...shown, values: { ...shown.values } })));
+  }
+  find("unpin").addEventListener("click", () => {
+    for (const name of Object.keys(pins)) delete pins[name];
+    draw();
+    remember();
+  });
+  find("reset").addEventListener("click", () => told((async () => {
+    await choose({ law: shown.law, chassis: shown.chassis, values: {} });
+    wanted = true;
+    await update();
+  })()));
+
+  /** @param {string} name @param {any} of */
+  async function pin(name, of) {
+    const answer = await driven(of, true);
+    if (answer.failed) return;
+    pins[name] = { shown: of, answer };
+    draw();
+    remember();
+  }
+
+  find("lead").textContent = `On-centre weave of ${declared.car.name}, simulated: ${declared.weave.target} m/s² at ` +
+    `${declared.weave.frequency} Hz. Move a slider: the car is driven anew and redrawn.`;
+  await told((async () => {
+    notice = [...start.remarks, ...(await choose(shown))].join(" ");
+    main.hidden = false;
+    for (const [name, given] of Object.entries(start.pins)) {
+      const read = address.read(given, shown, known);
+      await structure(read.shown.law, read.shown.chassis);
+      await pin(name, read.shown);
+    }
+    show(await driven(shown, true));
+  })());
+}

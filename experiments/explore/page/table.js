@@ -1,0 +1,90 @@
+/* The table of metrics: this car, the usual range, and the pinned cars with the differences from them. */
+
+"use strict";
+
+/** @typedef {{name: string, label: string, unit: string, scale: number, definition: string,
+ *             usual: [number, number] | null, validity: [number, number] | null}} MetricEntry */
+/** @typedef {{values: Record<string, number>, reasons: Record<string, string>}} Measured */
+
+/** @param {HTMLTableElement} host @param {MetricEntry[]} entries
+    @param {{share: number, least: Record<string, number>, sustained: string[], words: string[]}} noticed */
+function steerTable(host, entries, noticed) {
+  const [PERCEPTIBLE, IMPERCEPTIBLE, UNKNOWN] = noticed.words;
+
+  /** Three digits; of a bound as few as it takes. @param {number} value @param {boolean} [bound] */
+  function written(value, bound) {
+    if (!Number.isFinite(value)) return "–";
+    const text = Math.abs(value) >= 100 ? value.toFixed(0) : value.toPrecision(3);
+    return (bound ? String(Number(text)) : text).replace("-", "\u2212");
+  }
+
+  /** Whether a driver notices a difference: as perception of steer_env.metrics.common.just_noticeable, without an
+      interval. @param {MetricEntry} entry @param {number} base @param {number} value */
+  function perceived(entry, base, value) {
+    const least = noticed.least[entry.unit], large = Math.max(Math.abs(base), Math.abs(value));
+    if (!noticed.sustained.includes(entry.name) || !(large >= least)) return UNKNOWN;
+    const threshold = (1 - 1e-9) * noticed.share * Math.max(Math.min(Math.abs(base), Math.abs(value)), least);
+    return Math.abs(value - base) >= threshold ? PERCEPTIBLE : IMPERCEPTIBLE;
+  }
+
+  /** @param {string} tag @param {string} text @param {string} [kind] */
+  function cell(tag, text, kind) {
+    const made = document.createElement(tag);
+    made.textContent = text;
+    if (kind) made.className = kind;
+    return made;
+  }
+
+  /** A bar with the usual range in its middle half and a mark at the value. @param {MetricEntry} entry
+      @param {number} value */
+  function bar(entry, value) {
+    const made = cell("td", "", "range");
+    if (!entry.usual) return made;
+    const [low, high] = entry.usual, place = 0.25 + (0.5 * (value - low)) / (high - low);
+    const inside = value >= low && value <= high, line = cell("span", "", "bar"), mark = cell("span", "", "mark");
+    mark.style.left = `${100 * Math.min(Math.max(place, 0), 1)}%`;
+    if (!inside) mark.classList.add("outside");
+    line.append(mark);
+    const told = Number.isFinite(value) ? (inside ? "within" : value < low ? "below" : "above") : "no value; usual is";
+    line.setAttribute("role", "img");
+    line.setAttribute("aria-label", `${told} ${written(low, true)} to ${written(high, true)}`);
+    made.append(cell("small", `${written(low, true)} to ${written(high, true)}`), line);
+    if (!Number.isFinite(value)) mark.remove();
+    return made;
+  }
+
+  /** @param {Measured} measured @param {Record<string, Measured>} pins */
+  function show(measured, pins) {
+    const names = Object.keys(pins), head = document.createElement("tr");
+    head.append(cell("th", "Metric"), cell("th", "This car"), cell("th", "Usual", "range"),
+      ...names.flatMap((name) => [cell("th", name), cell("th", `This − ${name}`)]));
+    const rows = entries.map((entry) => {
+      const row = document.createElement("tr"), value = measured.values[entry.name];
+      const label = cell("th", entry.label);
+      label.setAttribute("scope", "row");
+      label.title = entry.definition;
+      const unit = entry.unit === "1" ? "" : ` ${entry.unit}`, shown = cell("td", `${written(value)}${unit}`, "value");
+      if (!Number.isFinite(value)) shown.title = measured.reasons[entry.name] ?? "";
+      row.append(label, shown, bar(entry, value));
+      for (const name of names) {
+        const base = pins[name].values[entry.name], verdict = perceived(entry, base, value);
+        const gap = cell("td", "", "gap");
+        if (Number.isFinite(base) && Number.isFinite(value)) {
+          const share = base ? ` (${value >= base ? "+" : "\u2212"}${Math.abs((100 * (value - base)) / base).toFixed(1)} %)` : "";
+          gap.append(`${written(value - base)}${share}`);
+          if (verdict !== UNKNOWN) {
+            gap.append(cell("small", verdict, verdict === PERCEPTIBLE ? "noticed" : "unnoticed"));
+          }
+        } else gap.textContent = "–";
+        row.append(cell("td", written(base), "value"), gap);
+      }
+      return row;
+    });
+    const heading = document.createElement("thead"), body = document.createElement("tbody");
+    heading.append(head);
+    body.append(...rows);
+    host.replaceChildren(heading, body);
+  }
+
+  return { show, perceived, written };
+}

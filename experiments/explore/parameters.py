@@ -1,0 +1,254 @@
+"""What the page lets its reader change: parameters of a friction law and of a car, with their ranges and refusals.
+
+A slider goes over the usual range that the keys of a car file declare, where they declare one. The words that refuse a
+value are those of the constructor that refuses it in Python: it is asked once, for a value that is no number. A
+parameter that follows others by default, as the break-away torque follows the sliding torque, follows them here.
+"""
+
+import inspect
+import itertools
+import re
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from steer_env.connect.variables import described
+from steer_env.friction import defaults, make
+from steer_env.friction.law import LAWS
+from steer_env.friction.numerics.check import not_negative, number
+from steer_env.friction.numerics.packing import leaves
+from steer_env.vehicle import cars, step_limit
+from steer_env.vehicle.cars import Car
+from steer_env.vehicle.keys import checked, declared_keys
+from steer_env.vehicle.plant import Plant
+from steer_env.vehicle.steering import column, eps
+
+KPH = 1.0 / 3.6  # [m/s]
+Values = Mapping[str, float]
+
+
+class Parameter(NamedTuple):
+    """A slider with its number field."""
+
+    name: str  # section and key of a car file, friction.KEY, or one of the names of the drive
+    group: str
+    label: str
+    unit: str
+    low: float  # of the slider [unit]
+    high: float  # of the slider [unit]
+    value: float  # of the car or the law [unit]
+    refusal: str  # of a value that Python refuses, with {} in its place
+    least: float  # that Python takes [unit]
+    most: float  # that Python takes [unit]
+    above: bool  # whether the least value itself is refused
+
+
+# Keys with one number: from their usual range.
+_PLAIN = {
+    "column.K_tb": "Torsion bar",
+    "column.I1": "Inertia of the handwheel",
+    "column.I2": "Inertia below the torsion bar",
+    "column.C2": "Damping below the torsion bar",
+    "steering.pinion_radius": "Pinion radius (steering ratio)",
+    "steering.friction_load": "Friction by load",
+    "chassis.front_cornering_stiffness_factor": "Front tyre stiffness",
+    "chassis.rear_cornering_stiffness_factor": "Rear tyre stiffness",
+}
+# Keys with a value for each speed of the boost table, whose largest the slider gives: the page's ranges are assumed.
+_BY_SPEED = {
+    "boost_scale": ("Boost", 0.5, 1.5),
+    "damping": ("Damping of the motor", 0.0, 8.0),
+    "handwheel_damping": ("Damping of the handwheel", 0.0, 1.0),
+    "friction_share": ("Friction compensation", 0.0, 1.0),
+    "return_gain": ("Active return", 0.0, 10.0),
+}
+SCALE, LOAD, SPEED = "friction_scale", "load", "speed_kph"
+BOOST = "boost_scale"  # whose factor at each speed has a slider too
+_LAW_SPAN = 3.0  # factor on the default of a law's parameter, either way, over which its slider goes; assumed
+_SPANS = {"x_c": 2.0}  # of others; assumed
+# Of all ranges, the first with which the step equation of every plant has one solution (vehicle/step_limit.py).
+_SHARES = (1.0, 0.7, 0.5, 0.35, 0.25)
+_LIMIT = re.compile(r"(greater than|at least|at most|from|to) (-?[\d.]+(?:e[+-]?\d+)?)")
+
+
+def of_law(law: str) -> dict[str, float]:
+    """The parameters of a law that have a slider, with their defaults."""
+    taken = inspect.signature(LAWS[law].make).parameters
+    found = {key: p.default for key, p in taken.items() if isinstance(p.default, float)}
+    own = {"F_c": defaults.F_C, "x_c": defaults.F_C / (2.0 * defaults.SIGMA_0)}  # as the law takes them itself
+    return {key: value for key, value in own.items() if key in taken} | found
+
+
+def every(car: Car, law: str, chassis: str) -> list[Parameter]:
+    """The parameters of the page for a car with a law and a chassis, in the order in which it shows them.
+
+    ValueError where no ranges are narrow enough for the law's step equation to have one solution in all of them.
+    """
+    whole = [*_of_law(law), *_of_drive(chassis), *_of_assist(car), *_of_car(car)]
+    for share in _SHARES:
+        found = [_narrowed(q, share) for q in whole]
+        if _single(car, law, chassis, found):
+            return found
+    raise ValueError(f"friction law {law!r} falls too steeply with the speed for the sliders of a page")
+
+
+def _narrowed(q: Parameter, share: float) -> Parameter:
+    return q._replace(low=q.value - share * (q.value - q.low), high=q.value + share * (q.high - q.value))
+
+
+def _single(car: Car, law: str, chassis: str, parameters: list[Parameter]) -> bool:
+    """Whether the step equation has one solution where the sliders make that least likely."""
+    ends = {q.name: q.low if q.name.startswith("column.") else q.high for q in parameters}
+    own = [q for q in parameters if q.name.startswith("friction.")]
+    try:
+        for corner in itertools.product(*((q.low, q.high) for q in own)):
+            plant(car, law, chassis, {**ends, **{q.name: value for q, value in zip(own, corner)}})
+    except ValueError:
+        return False
+    return True
+
+
+def _parameter(
+    name: str, group: str, label: str, unit: str, span: tuple[float, float], value: float, refuse: Callable[[Any], Any]
+) -> Parameter:
+    """A parameter, with what ``refuse`` says of a value that is no number; its span is within what that takes."""
+    try:
+        refuse(np.nan)
+    except ValueError as error:
+        words = str(error)
+    limits = {word: float(text) for word, text in _LIMIT.findall(words)}
+    least = limits.get("greater than", limits.get("at least", limits.get("from", -np.inf)))
+    most = limits.get("at most", limits.get("to", np.inf))
+    low, high = max(min(span[0], value), least), min(max(span[1], value), most)
+    refusal, above = words.replace("nan", "{}"), "greater than" in words
+    return Parameter(name, group, label, unit, low, high, value, refusal=refusal, least=least, most=most, above=above)
+
+
+def _of_law(law: str) -> list[Parameter]:
+    known = {leaf.path[0]: described(leaf, leaf.path[0], leaf.owner) for leaf in leaves(make(law))}
+    told = {"F_c": ("sliding torque", "N m"), "x_c": ("deflection scale of the virgin curve", "rad"), **known}
+    found = []
+    for key, value in of_law(law).items():
+        text, unit = told.get(key, (key, ""))
+        factor = _SPANS.get(key, _LAW_SPAN)
+        span = (value / factor, value * factor) if value else (0.0, _zero_span(unit))
+        refuse = partial(_law_with, law, key)
+        found.append(_parameter(f"friction.{key}", "Friction law", f"{key}, {text}", unit, span, value, refuse))
+    return found
+
+
+def _law_with(law: str, key: str, value: Any) -> Any:
+    return make(law, **{key: value})
+
+
+def _zero_span(unit: str) -> float:
+    """End of the slider of a law's parameter that is 0 by default; assumed."""
+    return {"N m s/rad": defaults.SIGMA_1, "N m/rad": defaults.SIGMA_0}.get(unit, 1.0)
+
+
+def _of_drive(chassis: str) -> list[Parameter]:
+    return [
+        _parameter(SCALE, "Drive", "Friction scale", "1", (0.25, 3.0), 1.0, partial(not_negative, SCALE)),
+        _parameter(LOAD, "Drive", "Load", "kg", (0.0, 500.0), 0.0, partial(not_negative, LOAD)),
+        _parameter(SPEED, "Drive", "Speed", "km/h", (60.0, 160.0), 100.0, partial(_speed, chassis)),
+    ]
+
+
+def _speed(chassis: str, kph: Any) -> float:
+    """A held speed [km/h], checked."""
+    low, high = (speed / KPH for speed in cars.SPEEDS[chassis])
+    return number(SPEED, kph, minimum=low, maximum=high)
+
+
+def _of_assist(car: Car) -> list[Parameter]:
+    found = []
+    for key, (label, low, high) in _BY_SPEED.items():
+        name, unit = f"assist.{key}", declared_keys()["assist"][key].unit
+        refuse = partial(_by_speed, car, key)
+        found.append(_parameter(name, "Assist", label, unit, (low, high), float(np.max(_profile(car, key))), refuse))
+    for i, speed in enumerate(car.assist.speeds):
+        label = f"Boost at {speed / KPH:.3g} km/h"
+        refuse = partial(checked, "assist", BOOST)
+        found.append(_parameter(f"assist.{BOOST}.{i}", "Boost by speed", label, "1", (0.5, 1.5), 1.0, refuse))
+    return found
+
+
+def _of_car(car: Car) -> list[Parameter]:
+    found = []
+    for name, label in _PLAIN.items():
+        section, key = name.split(".")
+        about = declared_keys()[section][key]
+        group = "Tyres" if section == "chassis" else "Steering"
+        refuse = partial(checked, section, key)
+        found.append(_parameter(name, group, label, about.unit, about.usual or (0.0, 1.0), _value(car, name), refuse))
+    return found
+
+
+def _value(car: Car, name: str) -> float:
+    section, key = name.split(".")
+    values = getattr(car, section)
+    return float(values[key] if isinstance(values, dict) else getattr(values, key))
+
+
+def _profile(car: Car, key: str) -> np.ndarray:
+    """Values (V,) of a key of the assist for each speed."""
+    given = car.given["assist"].get(key, inspect.signature(eps.make).parameters[key].default)
+    return np.broadcast_to(np.asarray(given, float), car.assist.speeds.shape)
+
+
+def _by_speed(car: Car, key: str, most: float) -> np.ndarray:
+    """Values (V,) of a key of the assist whose largest is ``most``, in the proportions of the car; checked."""
+    most = checked("assist", key, most)
+    profile = _profile(car, key)
+    shape = profile / profile.max() if profile.max() > 0.0 else np.ones(profile.size)
+    return most * shape
+
+
+def plant(car: Car, law: str, chassis: str, values: Values) -> Plant:
+    """The plant of a car whose handwheel angle is prescribed, with values of the parameters in place of its own.
+
+    It has every function of the assist, also where all of them are off, as one module serves all values.
+
+    Raises
+    ------
+    ValueError
+        A value that the car file or the law refuses.
+    """
+    own = {name.removeprefix("friction."): v for name, v in values.items() if name.startswith("friction.")}
+    made = changed(car, values).loaded(not_negative(LOAD, values.get(LOAD, 0.0)))
+    speed = _speed(chassis, values.get(SPEED, 100.0)) * KPH
+    p = made.plant(make(law, **own), speed, robot=True, chassis=chassis)
+    return step_limit.checked(p._replace(friction_torque_scale=not_negative(SCALE, values.get(SCALE, 1.0))))
+
+
+def changed(car: Car, values: Values) -> Car:
+    """The car with values of its keys, and with every function of the assist."""
+
+    def keys(section: str) -> dict[str, float]:
+        names = (name for name in _PLAIN if name.startswith(f"{section}."))
+        return {name.split(".")[1]: values.get(name, _value(car, name)) for name in names}
+
+    def table(section: str) -> dict[str, float]:
+        return {key: checked(section, key, value) for key, value in keys(section).items()}
+
+    return car._replace(
+        column=column.make(**{**car.given["column"], **keys("column")}),
+        assist=_assist(car, values),
+        chassis={**car.chassis, **table("chassis")},
+        steering={**car.steering, **table("steering")},
+    )
+
+
+def _assist(car: Car, values: Values) -> eps.Assist:
+    keys = dict(car.given["assist"])
+    for key in _BY_SPEED:
+        keys[key] = _by_speed(car, key, values.get(f"assist.{key}", float(np.max(_profile(car, key)))))
+    factors = (values.get(f"assist.{BOOST}.{i}", 1.0) for i in range(car.assist.speeds.size))
+    keys[BOOST] = keys[BOOST] * [checked("assist", BOOST, factor) for factor in factors]
+    share = keys.pop("friction_share")
+    made = eps.make(**{**keys, "friction_share": 1.0})  # on, so that all functions are there
+    functions: Any = made.functions
+    observer = functions.friction_compensation._replace(gain=share)
+    return made._replace(functions=functions._replace(friction_compensation=observer))

@@ -1,0 +1,279 @@
+"""The folder of the page: what Python knows, written as scripts that a page may load from disk.
+
+A page that is opened from disk may not load modules, data files or the file of a worker. Everything is therefore a
+classic script: declarations as JSON, and modules and tables in base64, packed by zlib, which browsers unpack.
+"""
+
+import base64
+import json
+import shutil
+import sys
+import zlib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import metadata
+from inspect import getdoc
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy import signal
+
+from steer_env import metrics
+from steer_env.experiments.explore import module, packing, parameters
+from steer_env.experiments.pages import files, words
+from steer_env.experiments.pages.style import PALETTE
+from steer_env.friction.law import LAWS
+from steer_env.friction.numerics.check import one_of
+from steer_env.friction.numerics.packing import Leaf, leaves, slices
+from steer_env.friction.numerics.packing import numbers as packed
+from steer_env.manoeuvres import make as make_manoeuvre
+from steer_env.metrics.common import just_noticeable, loops
+from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE, YAW
+from steer_env.recording.recording import low_pass
+from steer_env.vehicle import cars, plant
+from steer_env.vehicle import chassis as chassis_models
+from steer_env.vehicle.cars import Car
+from steer_env.vehicle.constants import GRAVITY
+from steer_env.vehicle.layout import size_of
+from steer_env.vehicle.steering.eps import SAMPLE_TIME
+from steer_env.vehicle.subsystems import car as whole_car
+
+PAGE = Path(__file__).parent / "page"
+MODULES = "modules"
+CONTENTS = frozenset((*(file.name for file in PAGE.iterdir()), MODULES, "declared.js", "tables.js"))
+LAWS_SHOWN = ("lugre", "masing", "dahl", "coulomb", "viscous")  # by default; each takes a minute to compile, once
+LARGE = 1000  # numbers from which on a table is written once for all modules
+RATE = 1.0 / SAMPLE_TIME  # [Hz]
+RECORDED = (ANGLE, TORQUE, AY, YAW, "rack_force")
+# While a slider moves: the fewest cycles of which some are settled, so that the picture follows.
+MOVING_CYCLES, MOVING_FEWEST = 3, 1
+THIN = 10  # samples between two points of a curve
+
+
+@dataclass(frozen=True)
+class Combination:
+    """A law on a chassis: one module."""
+
+    law: str
+    chassis: str
+
+    @property
+    def file(self) -> str:
+        """Path of its script in the folder."""
+        return f"{MODULES}/{self.chassis}_{self.law}.js"
+
+
+def _beginning(chassis: str) -> str:
+    """Path of the script of the module that begins a drive on a chassis."""
+    return f"{MODULES}/{chassis}_beginning.js"
+
+
+def explore(
+    folder: str | Path,
+    *,
+    vehicle: Any = "compact",
+    friction: Sequence[str] = LAWS_SHOWN,
+    chassis: Sequence[str] = ("single_track", "two_track"),
+    notify: Callable[[float, str], None] = lambda part, what: None,
+) -> Path:
+    """Write a page in which a car and its friction law are changed by sliders while a weave is redrawn.
+
+    It needs no server and no Python: ``index.html`` opens from disk, and asks the network for nothing.
+
+    Parameters
+    ----------
+    folder : str or Path
+        A new folder, or that of an earlier page, which is replaced.
+    vehicle : str, path, mapping or Car
+        A car, or what makes one, as :func:`steer_env.vehicle.cars.load` takes it.
+    friction : sequence of str
+        Names of friction laws; the page begins with the first.
+    chassis : sequence of str
+        Names of chassis; the page begins with the first.
+    notify : callable
+        Receives the part of the work that is done, 0 to 1, and what comes next.
+
+    Returns
+    -------
+    Path
+        The file ``index.html``.
+
+    Raises
+    ------
+    ValueError
+        A bad value, kernels that are not compiled, or a missing package; the message tells what to do.
+    """
+    for law in friction:
+        one_of("friction", law, LAWS.available())
+    for body in chassis:
+        one_of("chassis", body, chassis_models.available())
+    if not friction or not chassis:
+        raise ValueError("the page needs a friction law and a chassis")
+    car = vehicle if isinstance(vehicle, Car) else cars.load(vehicle)
+    files.usable(Path(folder), CONTENTS)
+    wanted = [Combination(law, body) for body in dict.fromkeys(chassis) for law in dict.fromkeys(friction)]
+    with files.replaced_directory(Path(folder), CONTENTS) as out:
+        (out / MODULES).mkdir()
+        shared: dict[str, list[float]] = {}
+        for k, each in enumerate(wanted):
+            notify(k / len(wanted), f"{each.law}, {each.chassis}")
+            if not (out / _beginning(each.chassis)).exists():
+                p = parameters.plant(car, module.BEGINNING, each.chassis, {})
+                _write(out / _beginning(each.chassis), "steerModule", _packed(module.beginning(p)))
+            _write(out / each.file, "steerModule", _module(car, each, shared))
+        _write(out / "declared.js", "steerDeclared", declared(car, wanted))
+        _write(out / "tables.js", "steerTables", {name: _packed(values) for name, values in shared.items()})
+        for file in PAGE.iterdir():
+            shutil.copyfile(file, out / file.name)
+    return Path(folder) / "index.html"
+
+
+def _write(path: Path, function: str, data: Any) -> None:
+    """A script that hands data to a function of the page."""
+    text = json.dumps(data, allow_nan=False, separators=(",", ":"))
+    files.write_text(path, f"{function}({text});\n")
+
+
+def _packed(values: Iterable[float] | bytes) -> str:
+    data = values if isinstance(values, bytes) else np.asarray(values, "<f8").tobytes()
+    return base64.b64encode(zlib.compress(data, 9)).decode()
+
+
+def _module(car: Car, which: Combination, shared: dict[str, list[float]]) -> dict[str, Any]:
+    """What the page needs to run a law on a chassis; large tables go to ``shared``."""
+    p = parameters.plant(car, which.law, which.chassis, {})
+    tables: list[Any] = []
+    for leaf in leaves(p):
+        if leaf.table:
+            values = _floats(leaf)
+            if len(values) >= LARGE:
+                name = ".".join(leaf.path)
+                if shared.setdefault(name, values) != values:
+                    raise ValueError(f"the chassis have different tables {name}")
+                tables.append(name)
+            else:
+                tables.append(values)
+    return {
+        "structure": structure(car, which),
+        "tables": tables,
+        "wasm": _packed(module.advancing(p)),
+    }
+
+
+def _floats(leaf: Leaf) -> list[float]:
+    if np.ndim(leaf.value):
+        return np.ascontiguousarray(leaf.value).view(np.float64).ravel().tolist()
+    return [float(leaf.value)]
+
+
+def structure(car: Car, which: Combination) -> dict[str, Any]:
+    """Parameters with their fields, packed numbers and how they follow, and sizes of the arrays of a module."""
+    fields = parameters.every(car, which.law, which.chassis)
+    p = parameters.plant(car, which.law, which.chassis, {})
+    subsystem = whole_car.unsettled(p)
+
+    def numbers_of(values: Mapping[str, float]) -> Any:
+        return packed(parameters.plant(car, which.law, which.chassis, values))
+
+    return {
+        "law": which.law,
+        "chassis": which.chassis,
+        "parameters": [_field(each) for each in fields],
+        "numbers": packed(p).tolist(),
+        "dependences": packing.as_data(packing.dependences(fields, numbers_of)),
+        "states": size_of(p),
+        "given": subsystem.given_size,
+        "inputs": subsystem.inputs,
+        "channels": [name for name, _ in plant.channels(p)],
+        "zeroStates": list(subsystem.zero_states),
+        **_begun(car, which, p),
+    }
+
+
+def _begun(car: Car, which: Combination, p: plant.Plant) -> dict[str, Any]:
+    """Which packed numbers are the law's, and those of the law ``BEGINNING`` in their place."""
+    own = [place for name, place in slices(p).items() if name.startswith("friction.")]
+    other = parameters.plant(car, module.BEGINNING, which.chassis, {}).friction
+    return {"ofLaw": [own[0].start, own[-1].stop], "beginning": packed(other).tolist()}
+
+
+def _field(q: parameters.Parameter) -> dict[str, Any]:
+    """A parameter as JSON, which knows no infinity."""
+    return {key: None if value in (np.inf, -np.inf) else value for key, value in q._asdict().items()}
+
+
+def declared(car: Car, wanted: Sequence[Combination]) -> dict[str, Any]:
+    """What the page knows of the program: the car, laws and chassis, the weave, the metrics and what drivers notice."""
+    weave = make_manoeuvre("weave")
+    return {
+        "version": metadata.version("steer-env"),
+        "car": {"name": car.name, "description": car.description},
+        "laws": [{"name": law, "about": _about(law)} for law in dict.fromkeys(each.law for each in wanted)],
+        "chassis": list(dict.fromkeys(each.chassis for each in wanted)),
+        "modules": {f"{each.law} {each.chassis}": each.file for each in wanted},
+        "beginnings": {each.chassis: _beginning(each.chassis) for each in wanted},
+        "colours": list(PALETTE),
+        "weave": {
+            "frequency": weave.frequency,
+            "cycles": round(weave.duration * (weave.frequency or 1.0)),
+            "fewest": 3,
+            "movingCycles": MOVING_CYCLES,
+            "movingFewest": MOVING_FEWEST,
+            "target": weave.lateral_acceleration,
+            "trialCycles": round((weave.trial or 0.0) * (weave.frequency or 1.0)),
+            "rate": RATE,
+            "channels": list(RECORDED),
+            "thin": THIN,
+        },
+        "loops": loop_constants(),
+        "metrics": [_metric(name) for name in metrics.available("weave")],
+        "noticed": {
+            "share": just_noticeable.SHARE,
+            "least": just_noticeable.LEAST,
+            "sustained": sorted(just_noticeable.SUSTAINED),
+            "words": [just_noticeable.PERCEPTIBLE, just_noticeable.IMPERCEPTIBLE, just_noticeable.UNKNOWN],
+        },
+    }
+
+
+def _about(law: str) -> str:
+    """What the module of a law says of it, in its first line."""
+    text = getdoc(sys.modules[LAWS[law].parameters.__module__]) or ""
+    return text.splitlines()[0].rstrip(".") if text else law
+
+
+def loop_constants() -> dict[str, Any]:
+    """The numbers with which a loop is read."""
+    return {
+        "rate": RATE,
+        "gravity": GRAVITY,
+        "smooth": _low_pass(loops.CUTOFF),
+        "sharp": _low_pass(loops.PEAK_CUTOFF),
+        "samplesPerCutoff": loops.SAMPLES_PER_CUTOFF,
+        "samples": loops.SAMPLES,
+        "window": loops.WINDOW,
+        "fewestInWindow": loops.FEWEST_IN_WINDOW,
+        "spread": loops.SPREAD,
+        "endSlack": loops.END_SLACK,
+        "frequencySpread": loops.FREQUENCY_SPREAD,
+    }
+
+
+def _low_pass(cutoff: float) -> dict[str, Any]:
+    sections = low_pass(cutoff, RATE)
+    start = signal.sosfilt_zi(sections)
+    return {"cutoff": cutoff, "b": sections[0, :3].tolist(), "a": sections[0, 3:].tolist(), "zi": start[0].tolist()}
+
+
+def _metric(name: str) -> dict[str, Any]:
+    entry = metrics.definition(name)
+    return {
+        "name": name,
+        "label": words.label(name),
+        "unit": entry.unit,
+        "scale": metrics.UNITS[entry.unit],
+        "definition": entry.definition,
+        "usual": entry.usual,
+        "validity": entry.validity,
+    }

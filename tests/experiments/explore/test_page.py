@@ -1,0 +1,236 @@
+"""The page in a real browser: the same numbers as Python, its fields, its address, and nothing asked of a network."""
+
+import functools
+import http.server
+import json
+import statistics
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from steer_env import manoeuvres, metrics
+from steer_env.experiments import explore
+from steer_env.experiments.explore import parameters
+from steer_env.friction import make as make_law
+from steer_env.friction.numerics.packing import numbers
+from steer_env.manoeuvres.common import driving
+from steer_env.vehicle import cars
+from steer_env.vehicle.keys import checked
+from tests.experiments.explore.chromium import Chromium, needed
+
+pytestmark = needed
+READY = "typeof steerShown === 'object' && steerShown.answer?.exact && steerShown.answer.id"
+CHANGED = {
+    **{
+        "friction.F_c": 1.4,
+        "column.K_tb": 190.0,
+        "assist.boost_scale": 0.8,
+        "assist.friction_share": 0.3,
+        "load": 250.0,
+    },
+    **{"speed_kph": 120.0, "steering.pinion_radius": 0.0075, "chassis.front_cornering_stiffness_factor": 1.2},
+}
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    return explore.explore(tmp_path_factory.mktemp("page") / "page", friction=["lugre"], chassis=["single_track"])
+
+
+@pytest.fixture
+def browser(tmp_path):
+    with Chromium(tmp_path / "profile") as found:
+        yield found
+        assert found.errors == []
+
+
+def address(page, law="lugre", chassis="single_track", **values):
+    pairs = {"law": law, "chassis": chassis, **values}
+    return f"{page.as_uri()}#{'&'.join(f'{key}={value}' for key, value in pairs.items())}"
+
+
+def evaluated(law, chassis, values):
+    """Python's metrics of the standard weave with values of the page."""
+    car = cars.load("compact")
+    weave = manoeuvres.make("weave")
+    speed = values.get("speed_kph", 100.0) / 3.6
+    weave = weave.__class__(**{**vars(weave), "speed": speed, "chassis": chassis})
+    recording = driving.drive_plant(car, parameters.plant(car, law, chassis, values), weave)
+    return metrics.evaluate(recording, "weave", speed_m_s=speed, intervals=False)
+
+
+@pytest.mark.parametrize("values", [{}, CHANGED], ids=["the car's own", "changed"])
+def test_every_metric_is_that_of_python(page, browser, values):
+    browser.open(address(page, **values))
+    browser.until(READY)
+    found = browser.value("steerShown.answer")
+    expected = evaluated("lugre", "single_track", values)
+    assert set(found["values"]) == set(expected)
+    for name, value in expected.items():
+        assert found["values"][name] == pytest.approx(value.value, rel=1e-3), name
+
+
+def test_packed_numbers_are_those_of_python(page, browser):
+    browser.open(address(page))
+    browser.until(READY)
+    car, structure = cars.load("compact"), "steerShown.structures.get('lugre single_track')"
+    fields = parameters.every(car, "lugre", "single_track")
+    rng = np.random.default_rng(1)
+    for _ in range(3):
+        values = {q.name: q.low + rng.random() * (q.high - q.low) for q in fields}
+        found = browser.value(f"Array.from(steerSimulation().packed({structure}, {json.dumps(values)}))")
+        np.testing.assert_allclose(
+            found, numbers(parameters.plant(car, "lugre", "single_track", values)), rtol=1e-12, atol=1e-15
+        )
+
+
+def test_a_slider_by_the_keyboard_drives_the_car_anew_and_the_address_repeats_it(page, browser):
+    browser.open(address(page))
+    browser.until(READY)
+    before = browser.value("steerShown.answer.values.torque_deadband")
+    browser.value("document.querySelector('input[type=range][data-name=\"friction.F_c\"]').focus()")
+    for _ in range(40):
+        browser.key("ArrowRight")
+    browser.until("location.hash.includes('friction.F_c')")
+    after = browser.value("steerShown.answer.values.torque_deadband")
+    assert after > 1.2 * before
+    shown = browser.value("document.getElementById('field-friction.F_c').value")
+    link = browser.value("location.href")
+    assert link.endswith(f"friction.F_c={shown}")
+    browser.open("about:blank")
+    browser.until("typeof steerShown === 'undefined'")
+    browser.open(link)
+    browser.until(READY)
+    assert browser.value("steerShown.answer.values.torque_deadband") == pytest.approx(after, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "refuse"),
+    [
+        ("column.K_tb", "-1", lambda: checked("column", "K_tb", -1)),
+        ("steering.pinion_radius", "0.2", lambda: checked("steering", "pinion_radius", 0.2)),
+        ("friction.F_c", "0", lambda: make_law("lugre", F_c=0)),
+    ],
+)
+def test_a_field_refuses_what_python_refuses_in_the_same_words(page, browser, name, text, refuse):
+    browser.open(address(page))
+    browser.until(READY)
+    run = browser.value("steerShown.answer.id")
+    browser.value(f"document.getElementById('field-{name}').select()")
+    browser.type(text)
+    with pytest.raises(ValueError, match=name.split(".")[1]) as refused:
+        refuse()
+    assert browser.value(f"document.getElementById('field-{name}-refusal').textContent") == str(refused.value)
+    time.sleep(0.5)
+    assert browser.value("steerShown.answer.id") == run
+
+
+def test_a_field_takes_a_comma_and_refuses_what_is_no_number(page, browser):
+    browser.open(address(page))
+    browser.until(READY)
+    browser.value("document.getElementById('field-friction.F_c').select()")
+    browser.type("1,2")
+    browser.until("location.hash.includes('friction.F_c=1.2')")
+    browser.value("document.getElementById('field-friction.F_c').select()")
+    browser.type("much")
+    told = browser.value("document.getElementById('field-friction.F_c-refusal').textContent")
+    assert told == "F_c must be finite and greater than 0, got much"
+
+
+def test_an_address_that_names_what_there_is_not_is_told(page, browser):
+    browser.open(address(page, law="stiction", **{"column.K_tb": "-5", "column.gone": 1}))
+    browser.until(READY)
+    told = browser.value("document.getElementById('status').textContent")
+    assert "no law stiction" in told
+    assert "K_tb must be finite and greater than 0, got -5" in told
+    assert "no column.gone" in told
+
+
+def test_pins_are_laid_over_and_differences_are_told(page, browser):
+    browser.open(address(page))
+    browser.until(READY)
+    browser.value("document.querySelector('button.pin[data-pin=A]').focus()")
+    browser.key("Enter")
+    browser.until("document.querySelectorAll('#metrics thead th').length === 5")
+    browser.value("document.getElementById('field-assist.boost_scale').select()")
+    browser.type("0.5")
+    browser.until("location.hash.includes('assist.boost_scale=0.5')")
+    rows = "[...document.querySelectorAll('#metrics tbody tr')]"
+    peak = f"{rows}.find((row) => row.textContent.startsWith('peak handwheel torque'))"
+    assert browser.value(f"{peak}.querySelector('small.noticed').textContent") == "perceptible"
+    assert "A=" in browser.value("location.hash")
+
+
+def test_nothing_is_asked_of_a_network(page, browser):
+    browser.open(address(page))
+    browser.until(READY)
+    folder = page.parent.as_uri()
+    assert len(browser.requested) > 10
+    assert all(url.startswith((folder, "blob:", "data:", "about:")) for url in browser.requested), browser.requested
+
+
+def test_it_opens_from_a_static_host_too(page, browser):
+    handler = functools.partial(http.server.SimpleHTTPRequestHandler, directory=page.parent)
+    handler.log_message = lambda *_: None
+    with http.server.ThreadingHTTPServer(("localhost", 0), handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        browser.open(f"http://localhost:{server.server_port}/index.html")
+        browser.until(READY)
+        server.shutdown()
+    assert browser.value("location.protocol") == "http:"
+
+
+def test_a_browser_without_webassembly_is_told_in_a_sentence(page, browser):
+    browser.call("Page.addScriptToEvaluateOnNewDocument", source="delete globalThis.WebAssembly")
+    browser.open(address(page))
+    browser.until("document.getElementById('status')?.textContent")
+    assert "which this browser lacks" in browser.value("document.getElementById('status').textContent")
+
+
+def test_a_page_holds_what_it_should_at_most(page):
+    """At most 2 MB to begin with, and 100 kB for a further law."""
+    sizes = {path: path.stat().st_size for path in page.parent.rglob("*") if path.is_file()}
+    assert sum(sizes.values()) < 2e6
+    assert all(size < 1e5 for path, size in sizes.items() if path.parent.name == "modules")
+
+
+@pytest.mark.whole
+def test_first_loops_are_there_within_a_second(page, tmp_path):
+    taken = []
+    for k in range(3):
+        with Chromium(tmp_path / f"profile{k}") as browser:
+            start = time.monotonic()
+            browser.open(address(page))
+            browser.until("document.querySelector('main')?.dataset.run")
+            taken.append(time.monotonic() - start)
+    assert min(taken) < 1.0, taken
+
+
+MOVES = """(async () => {
+  const slider = document.querySelector('input[type=range][data-name="friction.F_c"]');
+  const main = document.querySelector("main");
+  const taken = [];
+  for (let k = 0; k < 200; k++) {
+    const start = performance.now();
+    const drawn = new Promise((resolve) => {
+      const watch = new MutationObserver(() => resolve(watch.disconnect()));
+      watch.observe(main, { attributeFilter: ["data-run"] });
+    });
+    slider.value = 20 + (k * 7) % 160;
+    slider.dispatchEvent(new Event("input", { bubbles: true }));
+    await drawn;
+    taken.push(performance.now() - start);
+  }
+  return taken;
+})()"""
+
+
+@pytest.mark.whole
+def test_a_move_of_a_slider_is_redrawn_at_once(page, browser):
+    browser.open(address(page))
+    browser.until(READY)
+    taken = browser.value(MOVES)
+    assert statistics.median(taken) < 30.0
+    assert np.quantile(taken, 0.95) < 80.0
