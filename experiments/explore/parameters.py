@@ -166,8 +166,8 @@ def _of_assist(car: Car) -> list[Parameter]:
     found = []
     for key, (label, low, high) in _BY_SPEED.items():
         name, unit = f"assist.{key}", declared_keys()["assist"][key].unit
-        refuse = partial(_by_speed, car, key)
-        found.append(_parameter(name, "Assist", label, unit, (low, high), float(np.max(_profile(car, key))), refuse))
+        most = float(np.max(_profile(car, key)))
+        found.append(_parameter(name, "Assist", label, unit, (low, high), most, partial(_by_speed, car, key)))
     for i, speed in enumerate(car.assist.speeds):
         label = f"Boost at {speed / KPH:.3g} km/h"
         refuse = partial(checked, "assist", BOOST)

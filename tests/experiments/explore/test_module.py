@@ -9,8 +9,6 @@ from steer_env.manoeuvres.common import driving
 from steer_env.vehicle import cars, chassis, plant
 from tests.experiments.explore.running import Running
 
-pytest.importorskip("wasmtime")
-
 QUICK = [("lugre", "single_track"), ("masing", "two_track")]
 EACH = [
     *QUICK,
