@@ -3,6 +3,7 @@
 import functools
 import http.server
 import json
+import shutil
 import statistics
 import threading
 import time
@@ -161,6 +162,41 @@ def test_pins_are_laid_over_and_differences_are_told(page, browser):
     peak = f"{rows}.find((row) => row.textContent.startsWith('peak handwheel torque'))"
     assert browser.value(f"{peak}.querySelector('small.noticed').textContent") == "perceptible"
     assert "A=" in browser.value("location.hash")
+
+
+def test_a_pinned_car_of_the_address_is_checked_too(page, browser):
+    pin = "law%3Dlugre%26chassis%3Dsingle_track%26friction.F_c%3D-2%26column.K_tb%3D200"
+    browser.open(address(page, B=pin))
+    browser.until(READY)
+    told = browser.value("document.getElementById('status').textContent")
+    assert "B: F_c must be finite and greater than 0, got -2; left as the car has it." in told
+    assert browser.value("document.getElementById('pinned').textContent") == "B: lugre, single track, Torsion bar 200"
+
+
+def test_a_value_that_changes_while_the_whole_weave_is_driven_counts(page, browser):
+    """The weave of the value before is left; what is shown in the end is what a link to the last value shows."""
+    browser.open(address(page))
+    browser.until(READY)
+    for value in (0.5, 0.7, 1.1, 1.3, 1.7):
+        browser.value("document.getElementById('field-friction.F_c').select()")
+        browser.type(str(value))
+        time.sleep(0.3)
+    browser.until("location.hash.includes('friction.F_c=1.7') && steerShown.answer.exact")
+    found = browser.value("steerShown.answer.values")
+    browser.open("about:blank")
+    browser.until("typeof steerShown === 'undefined'")
+    browser.open(address(page, **{"friction.F_c": 1.7}))
+    browser.until(READY)
+    assert found == pytest.approx(browser.value("steerShown.answer.values"), rel=1e-4)
+
+
+def test_a_folder_that_lacks_a_file_is_told(page, browser, tmp_path):
+    shutil.copytree(page.parent, tmp_path / "copy")
+    (tmp_path / "copy" / "modules" / "single_track_lugre.js").unlink()
+    browser.open((tmp_path / "copy" / "index.html").as_uri())
+    browser.until("document.getElementById('status')?.textContent")
+    told = browser.value("document.getElementById('status').textContent")
+    assert told == "modules/single_track_lugre.js could not be loaded: is the folder complete?"
 
 
 def test_nothing_is_asked_of_a_network(page, browser):
