@@ -284,12 +284,13 @@ async function steerDeclared(declared) {
     const first = await taken(start.shown), remarks = [...start.remarks, ...first.remarks];
     choose(first.of);
     main.hidden = false;
-    for (const [name, given] of Object.entries(start.pins)) {
-      const read = address.read(given, shown, known), { of, remarks: more } = await taken(read.shown);
-      remarks.push(...[...read.remarks, ...more].map((remark) => `${name}: ${remark}`));
-      await pin(name, of);
-    }
     notice = remarks.join(" ");
     show(await driven(shown, true, true));
+    for (const [name, given] of Object.entries(start.pins)) {
+      const read = address.read(given, shown, known), { of, remarks: more } = await taken(read.shown);
+      await pin(name, of);
+      notice = [notice, ...[...read.remarks, ...more].map((remark) => `${name}: ${remark}`)].join(" ").trim();
+      status.textContent = notice;
+    }
   })());
 }
