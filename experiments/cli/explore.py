@@ -1,7 +1,7 @@
 """Write a page in which sliders change friction law and car, and a weave is redrawn.
 
 index.html opens from disk, and from any static host; it asks the network for nothing. Each law on each chassis is
-compiled once, which takes a minute or more.
+compiled once, which takes some ten to thirty seconds.
 """
 
 import argparse
@@ -15,10 +15,17 @@ GROUP = "car"
 
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    text = "of the page, which begins with the first and has their default parameters"
+    text = "; the page begins with the first, each with its default parameters"
     options.add(parser, "--friction", text, otherwise="five laws", nargs="+", action="extend")
-    text = "of the page, which begins with the first"
-    options.add(parser, "--chassis", text, otherwise="both", choices=names.chassis(), nargs="+", action="extend")
+    options.add(
+        parser,
+        "--chassis",
+        "; the page begins with the first",
+        otherwise="both",
+        choices=names.chassis(),
+        nargs="+",
+        action="extend",
+    )
     car_options.add(parser)
     options.add_out(parser, "to write the page into", required=True)
 

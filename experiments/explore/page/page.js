@@ -1,55 +1,16 @@
 /* The page: it loads what it needs, asks the worker for a weave at every change, and shows what comes back.
 
-   One run is on its way at a time. While values change, the worker drives a short weave with an amplitude that follows
-   from the run before; once they rest, the amplitude is found anew and the whole weave is driven, as Python drives it. */
+   While values change, the worker drives a short weave with an amplitude that follows from the run before, one at a
+   time. Once they rest, the amplitude is found anew and the whole weave is driven, as Python drives it; where a value
+   changes meanwhile, it is left. */
 
 "use strict";
 
 const REST = 250;  // time without a change after which the whole weave is driven [ms]
-// A module with one instruction of vectors, by which a browser tells whether it knows them.
-const VECTORS = [0, 97, 115, 109, 1, 0, 0, 0, 1, 5, 1, 96, 0, 1, 123, 3, 2, 1, 0, 10, 10, 1, 8, 0, 65, 0, 253, 15, 253,
-  98, 11];
 const DEGREES = 180 / Math.PI;
-
-/** What keeps this browser from running the page, in a sentence; empty if nothing does. */
-function steerLacking() {
-  if (typeof WebAssembly !== "object" || !WebAssembly.validate(new Uint8Array(VECTORS))) {
-    return "This page runs the car as WebAssembly with vectors (SIMD), which this browser lacks: take Chromium 91, " +
-      "Firefox 113 or Safari 16.4, or a newer one.";
-  }
-  if (typeof DecompressionStream !== "function" || typeof Worker !== "function") {
-    return "This page needs DecompressionStream and workers, which this browser lacks: take Chromium 91, Firefox 113 " +
-      "or Safari 16.4, or a newer one.";
-  }
-  return "";
-}
-
-/** Bytes of a text in base64 that zlib has packed. @param {string} text */
-async function steerUnpacked(text) {
-  const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
-  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
-  return new Uint8Array(await new Response(stream).arrayBuffer());
-}
-
-/** Scripts that hand over data call these; each is set while its file loads. */
-/** @type {(data: any) => void} */
-let steerModule = () => {};
-/** @type {(data: any) => void} */
-let steerTables = () => {};
 
 /** What is shown, for tests and for the console. @type {any} */
 const steerShown = { structures: new Map(), answer: null };
-
-/** @param {string} file */
-function steerScript(file) {
-  return new Promise((resolve, reject) => {
-    const script = document.createElement("script");
-    script.src = file;
-    script.onload = resolve;
-    script.onerror = () => reject(new Error(`${file} could not be loaded: is the folder complete?`));
-    document.head.append(script);
-  });
-}
 
 /** @param {any} declared */
 async function steerDeclared(declared) {
@@ -72,9 +33,7 @@ async function steerDeclared(declared) {
   ].join("\n");
   const worker = new Worker(URL.createObjectURL(new Blob([`"use strict";\n${text}`], { type: "text/javascript" })));
 
-  const { structures } = steerShown;
-  /** @type {Record<string, Float64Array> | null} */
-  let shared = null;
+  const { structures } = steerShown, load = steerLoading(declared);
   const known = { laws: declared.laws.map((/** @type {any} */ law) => law.name), chassis: declared.chassis };
   const start = address.read(location.hash.slice(1), { law: known.laws[0], chassis: known.chassis[0] }, known);
   let shown = start.shown;
@@ -82,9 +41,9 @@ async function steerDeclared(declared) {
   const pins = {};
   /** @type {any} */
   let latest = null;
-  /** @type {((answer: any) => void)[]} */
+  /** @type {{resolve: (answer: any) => void, reject: (error: Error) => void}[]} */
   const answered = [];
-  let notice = "", amplitude = 0.2, runs = 0, wanted = false, busy = false, rest = 0;
+  let notice = "", amplitude = 0.2, runs = 0, wanted = false, busy = false, settling = false, rest = 0;
 
   /** Tell an error of work that runs on by itself. @param {Promise<any>} work */
   const told = (work) => work.catch((/** @type {Error} */ error) => {
@@ -92,45 +51,22 @@ async function steerDeclared(declared) {
     status.classList.add("refusal");
   });
 
-  worker.onmessage = (event) => /** @type {any} */ (answered.shift())(event.data);
-  worker.onerror = (event) => { status.textContent = `The car could not be run: ${event.message}`; };
+  worker.onmessage = ({ data }) => {
+    const { resolve, reject } = /** @type {any} */ (answered.shift());
+    if (data.error) reject(new Error(`The car could not be run: ${data.error}`));
+    else resolve(data);
+  };
+  worker.onerror = ({ message }) => told(Promise.reject(new Error(`The car could not be run: ${message}`)));
 
-  /** What the script of a module hands over. @param {string} file */
-  async function handed(file) {
-    /** @type {any} */
-    let data = null;
-    steerModule = (/** @type {any} */ given) => { data = given; };
-    await steerScript(file);
-    return data;
-  }
-
-  /** @param {string} law @param {string} chassis */
+  /** The structure of a law on a chassis, which the worker then has too. @param {string} law @param {string} chassis */
   async function structure(law, chassis) {
     const key = `${law} ${chassis}`;
-    if (structures.has(key)) return structures.get(key);
-    if (!shared) {
-      /** @type {Record<string, Float64Array>} */
-      const found = {};
-      /** @type {any} */
-      let packed = null;
-      steerTables = (data) => { packed = data; };
-      await steerScript("tables.js");
-      for (const name of Object.keys(packed)) found[name] = new Float64Array((await steerUnpacked(packed[name])).buffer);
-      shared = found;
+    if (!structures.has(key)) {
+      const module = await load(law, chassis);
+      worker.postMessage({ module });
+      structures.set(key, module.structure);
     }
-    const data = await handed(declared.modules[key]), begun = await handed(declared.beginnings[chassis]);
-    const lists = data.tables.map((/** @type {any} */ each) =>
-      typeof each === "string" ? /** @type {any} */ (shared)[each] : Float64Array.from(each));
-    const tables = new Float64Array(lists.reduce((/** @type {number} */ n, /** @type {any} */ list) => n + list.length, 0));
-    let at = 0;
-    for (const list of lists) {
-      tables.set(list, at);
-      at += list.length;
-    }
-    const [wasm, beginning] = await Promise.all([data.wasm, begun].map(steerUnpacked));
-    worker.postMessage({ module: { structure: data.structure, wasm, beginning, tables } });
-    structures.set(key, data.structure);
-    return data.structure;
+    return structures.get(key);
   }
 
   /** Every value of a car: those that were changed, and the car's own. @param {any} of */
@@ -139,31 +75,47 @@ async function steerDeclared(declared) {
     return Object.fromEntries(parameters.map((/** @type {Field} */ q) => [q.name, of.values[q.name] ?? q.value]));
   }
 
-  /** @param {any} of @param {boolean} exact @returns {Promise<any>} */
-  function driven(of, exact) {
-    return new Promise((resolve) => {
-      answered.push(resolve);
-      worker.postMessage({ run: { id: ++runs, key: `${of.law} ${of.chassis}`, values: values(of), amplitude, exact } });
+  /** @param {any} of @param {boolean} exact @param {boolean} kept whether nothing stops it @returns {Promise<any>} */
+  function driven(of, exact, kept) {
+    return new Promise((resolve, reject) => {
+      answered.push({ resolve, reject });
+      const key = `${of.law} ${of.chassis}`;
+      worker.postMessage({ run: { id: ++runs, key, values: values(of), amplitude, exact, kept } });
     });
+  }
+
+  /** Drive what is shown now, in place of what is under way. */
+  async function redraw() {
+    wanted = true;
+    clearTimeout(rest);
+    if (settling) worker.postMessage({ stop: true });
+    await update();
   }
 
   async function update() {
     if (busy) return;
     busy = true;
-    while (wanted) {
-      wanted = false;
-      show(await driven(shown, false));
+    try {
+      while (wanted) {
+        wanted = false;
+        show(await driven(shown, false, true));
+      }
+    } finally {
+      busy = false;
     }
-    busy = false;
     clearTimeout(rest);
     rest = setTimeout(() => told(settle()), REST);
   }
 
   async function settle() {
     if (busy) return;
-    busy = true;
-    show(await driven(shown, true));
-    busy = false;
+    busy = settling = true;
+    try {
+      const answer = await driven(shown, true, false);
+      if (!answer.stopped) show(answer);
+    } finally {
+      busy = settling = false;
+    }
     if (wanted) await update();
     else remember();
   }
@@ -171,6 +123,7 @@ async function steerDeclared(declared) {
   /** @param {any} answer */
   function show(answer) {
     main.dataset.exact = String(answer.exact);
+    main.classList.toggle("stale", Boolean(answer.failed));
     if (answer.failed) {
       amplitude = 0.2;
       status.textContent = `With these values no handwheel amplitude gives a steady weave at ${declared.weave.target} ` +
@@ -255,15 +208,12 @@ async function steerDeclared(declared) {
   function changed(name, value) {
     shown.values[name] = value;
     notice = "";
-    wanted = true;
-    clearTimeout(rest);
-    told(update());
+    told(redraw());
   }
 
-  /** Take a law, a chassis and values; what the page refuses is told and left as the car's. @param {any} to */
-  async function choose(to) {
-    const { parameters } = await structure(to.law, to.chassis);
-    const remarks = [];
+  /** What the page takes of a law, a chassis and values, and sentences about what it refuses. @param {any} to */
+  async function taken(to) {
+    const { parameters } = await structure(to.law, to.chassis), remarks = [];
     /** @type {Record<string, number>} */
     const kept = {};
     for (const [name, value] of Object.entries(to.values)) {
@@ -272,31 +222,38 @@ async function steerDeclared(declared) {
       if (why) remarks.push(`${why}; left as the car has it.`);
       else kept[name] = Number(value);
     }
-    shown = { law: to.law, chassis: to.chassis, values: kept };
+    return { of: { law: to.law, chassis: to.chassis, values: kept }, remarks };
+  }
+
+  /** Show another car, without driving it. @param {any} of */
+  function choose(of) {
+    shown = of;
     find("law").value = shown.law;
     find("chassis").value = shown.chassis;
     find("about").textContent = declared.laws.find((/** @type {any} */ law) => law.name === shown.law).about;
-    fields.show(parameters, values(shown));
-    return remarks;
+    fields.show(structures.get(`${shown.law} ${shown.chassis}`).parameters, values(shown));
   }
 
   for (const law of known.laws) find("law").append(new Option(spaced(law), law));
   for (const chassis of known.chassis) find("chassis").append(new Option(spaced(chassis), chassis));
   for (const id of /** @type {("law" | "chassis")[]} */ (["law", "chassis"])) {
-    find(id).addEventListener("change", () => told(taken(id)));
+    find(id).addEventListener("change", () => told(another(id)));
   }
 
   /** Take the law or the chassis that was chosen. @param {"law" | "chassis"} id */
-  async function taken(id) {
-    const to = { ...shown, [id]: find(id).value };
-    const { parameters } = await structure(to.law, to.chassis);
+  async function another(id) {
+    const chosen = find(id).value, { parameters } = await structure(
+      id === "law" ? chosen : shown.law, id === "chassis" ? chosen : shown.chassis);
+    if (find(id).value !== chosen) return;  // another one was chosen while this was loaded
     const names = new Set(parameters.map((/** @type {Field} */ q) => q.name));
     // A parameter of the same name keeps its value; others belong to the law or the chassis of before.
-    to.values = Object.fromEntries(Object.entries(shown.values).filter(([name]) => names.has(name)));
-    notice = (await choose(to)).join(" ");
-    wanted = true;
-    await update();
+    const kept = Object.fromEntries(Object.entries(shown.values).filter(([name]) => names.has(name)));
+    const { of, remarks } = await taken({ ...shown, [id]: chosen, values: kept });
+    choose(of);
+    notice = remarks.join(" ");
+    await redraw();
   }
+
   for (const button of document.querySelectorAll("button.pin")) {
     const name = /** @type {HTMLElement} */ (button).dataset.pin ?? "";
     button.addEventListener("click", () => told(pin(name, { ...shown, values: { ...shown.values } })));
@@ -306,15 +263,15 @@ async function steerDeclared(declared) {
     draw();
     remember();
   });
-  find("reset").addEventListener("click", () => told((async () => {
-    await choose({ law: shown.law, chassis: shown.chassis, values: {} });
-    wanted = true;
-    await update();
-  })()));
+  find("reset").addEventListener("click", () => {
+    choose({ law: shown.law, chassis: shown.chassis, values: {} });
+    notice = "";
+    told(redraw());
+  });
 
   /** @param {string} name @param {any} of */
   async function pin(name, of) {
-    const answer = await driven(of, true);
+    const answer = await driven(of, true, true);
     if (answer.failed) return;
     pins[name] = { shown: of, answer };
     draw();
@@ -324,13 +281,16 @@ async function steerDeclared(declared) {
   find("lead").textContent = `On-centre weave of ${declared.car.name}, simulated: ${declared.weave.target} m/s² at ` +
     `${declared.weave.frequency} Hz. Move a slider: the car is driven anew and redrawn.`;
   await told((async () => {
-    notice = [...start.remarks, ...(await choose(shown))].join(" ");
+    const first = await taken(start.shown), remarks = [...start.remarks, ...first.remarks];
+    choose(first.of);
     main.hidden = false;
+    notice = remarks.join(" ");
+    show(await driven(shown, true, true));
     for (const [name, given] of Object.entries(start.pins)) {
-      const read = address.read(given, shown, known);
-      await structure(read.shown.law, read.shown.chassis);
-      await pin(name, read.shown);
+      const read = address.read(given, shown, known), { of, remarks: more } = await taken(read.shown);
+      await pin(name, of);
+      notice = [notice, ...[...read.remarks, ...more].map((remark) => `${name}: ${remark}`)].join(" ").trim();
+      status.textContent = notice;
     }
-    show(await driven(shown, true));
   })());
 }

@@ -38,8 +38,8 @@ function steerPictures() {
     }
 
     function size() {
-      const width = Math.max(host.clientWidth, 160);
-      return { width, height: Math.round(Math.min(Math.max(width * aspect, 170), 420)) };
+      const width = Math.max(host.clientWidth, 160), most = innerWidth > 760 ? 420 : 210;  // a phone shows sliders below
+      return { width, height: Math.round(Math.min(Math.max(width * aspect, 170), most)) };
     }
 
     /** @param {string} label @param {number} room */

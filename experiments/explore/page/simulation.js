@@ -10,6 +10,8 @@
 /** @typedef {{frequency: number, rate: number, target: number, trialCycles: number, channels: string[]}} Weave */
 
 function steerSimulation() {
+  const SLICE = 2000;  // milliseconds of a drive
+
   /** Chebyshev's polynomials up to a degree. @param {number} t @param {number} degree */
   function chebyshev(t, degree) {
     const found = [1, t];
@@ -126,10 +128,11 @@ function steerSimulation() {
     ];
   }
 
-  /** Drive a weave and record channels at 1 kHz; null where a state does not stay finite.
+  /** Drive a weave and record channels at 1 kHz; null where a state does not stay finite. It yields every two seconds of
+      the drive, so that long work can be left.
       @param {Car} car @param {Float64Array} numbers @param {Weave} weave @param {number} amplitude
-      @param {number} cycles @param {string[]} names */
-  function drive(car, numbers, weave, amplitude, cycles, names) {
+      @param {number} cycles @param {string[]} names @returns {Generator<void, Record<string, Float64Array> | null>} */
+  function* drive(car, numbers, weave, amplitude, cycles, names) {
     const size = Math.round((cycles / weave.frequency) * weave.rate), one = BigInt(1);
     const record = names.map(() => new Float64Array(size));
     const places = names.map((name) => car.structure.channels.indexOf(name));
@@ -140,6 +143,7 @@ function steerSimulation() {
       [given[1], given[2]] = sine((i + 1) / weave.rate, amplitude, weave.frequency);
       advance(result, unused, at, tables, state, from, inputs, to, one);
       for (let k = 0; k < places.length; k++) record[k][i] = outputs[places[k]];
+      if (i % SLICE === SLICE - 1) yield;
     }
     if (car.instance.word[0] === 0) return null;
     return Object.fromEntries(names.map((name, k) => [name, record[k]]));
@@ -155,12 +159,13 @@ function steerSimulation() {
     return (high - low) / 2;
   }
 
-  /** The amplitude that reaches the lateral acceleration, from a first guess; NaN where there is none.
-      @param {Car} car @param {Float64Array} numbers @param {Weave} weave @param {number} guess */
-  function findAmplitude(car, numbers, weave, guess) {
+  /** The amplitude that reaches the lateral acceleration, from a first guess; NaN where there is none. It yields as drive.
+      @param {Car} car @param {Float64Array} numbers @param {Weave} weave @param {number} guess
+      @returns {Generator<void, number>} */
+  function* findAmplitude(car, numbers, weave, guess) {
     let amplitude = guess;
     for (let round = 0; round < 10; round++) {
-      const run = drive(car, numbers, weave, amplitude, weave.trialCycles, ["lateral_acceleration"]);
+      const run = yield* drive(car, numbers, weave, amplitude, weave.trialCycles, ["lateral_acceleration"]);
       const reached = run ? halfSpan(run.lateral_acceleration) : NaN;
       if (Math.abs(reached / weave.target - 1) < 1e-5) return amplitude;
       amplitude *= weave.target / reached;

@@ -53,11 +53,22 @@ function steerTable(host, entries, noticed) {
     return made;
   }
 
+  /** A pinned value, with the difference from it and whether a driver notices. @param {MetricEntry} entry
+      @param {number} base @param {number} value */
+  function compared(entry, base, value) {
+    const made = cell("td", written(base), "value"), verdict = perceived(entry, base, value);
+    if (!Number.isFinite(base) || !Number.isFinite(value)) return made;
+    const sign = value >= base ? "+" : "\u2212", share = Math.abs((100 * (value - base)) / base);
+    made.append(cell("small", `${sign}${written(Math.abs(value - base))}${base ? `, ${sign}${share.toFixed(1)}\u00a0%` : ""}`));
+    if (verdict !== UNKNOWN) made.append(cell("small", verdict, verdict === PERCEPTIBLE ? "noticed" : "unnoticed"));
+    return made;
+  }
+
   /** @param {Measured} measured @param {Record<string, Measured>} pins */
   function show(measured, pins) {
     const names = Object.keys(pins), head = document.createElement("tr");
     head.append(cell("th", "Metric"), cell("th", "This car"), cell("th", "Usual", "range"),
-      ...names.flatMap((name) => [cell("th", name), cell("th", `This − ${name}`)]));
+      ...names.map((name) => cell("th", `${name}, this − ${name}`)));
     const rows = entries.map((entry) => {
       const row = document.createElement("tr"), value = measured.values[entry.name];
       const label = cell("th", entry.label);
@@ -66,18 +77,7 @@ function steerTable(host, entries, noticed) {
       const unit = entry.unit === "1" ? "" : ` ${entry.unit}`, shown = cell("td", `${written(value)}${unit}`, "value");
       if (!Number.isFinite(value)) shown.title = measured.reasons[entry.name] ?? "";
       row.append(label, shown, bar(entry, value));
-      for (const name of names) {
-        const base = pins[name].values[entry.name], verdict = perceived(entry, base, value);
-        const gap = cell("td", "", "gap");
-        if (Number.isFinite(base) && Number.isFinite(value)) {
-          const share = base ? ` (${value >= base ? "+" : "\u2212"}${Math.abs((100 * (value - base)) / base).toFixed(1)} %)` : "";
-          gap.append(`${written(value - base)}${share}`);
-          if (verdict !== UNKNOWN) {
-            gap.append(cell("small", verdict, verdict === PERCEPTIBLE ? "noticed" : "unnoticed"));
-          }
-        } else gap.textContent = "–";
-        row.append(cell("td", written(base), "value"), gap);
-      }
+      for (const name of names) row.append(compared(entry, pins[name].values[entry.name], value));
       return row;
     });
     const heading = document.createElement("thead"), body = document.createElement("tbody");

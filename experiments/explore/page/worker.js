@@ -1,26 +1,49 @@
 /* The worker of the page: it keeps an instance for each module, and answers with a weave and its metrics.
 
    It is made of a Blob with the text of the functions of this folder, as a page that is opened from disk may not load
-   the file of a worker. Messages: {module} adds a module, {run} asks for a weave. */
+   the file of a worker. Messages: {module} adds a module, {run} asks for a weave, and {stop} leaves a whole weave that
+   is under way and is not kept, since the values have changed. Answers come in the order of the runs. */
 
 "use strict";
 
-/** @typedef {{structure: any, wasm: Uint8Array<ArrayBuffer>, beginning: Uint8Array<ArrayBuffer>, tables: Float64Array}} ModuleMessage */
-/** @typedef {{id: number, key: string, values: Record<string, number>, amplitude: number, exact: boolean}} RunMessage */
+/** @typedef {Uint8Array<ArrayBuffer>} Wasm */
+/** @typedef {{structure: any, wasm: Wasm, beginning: Wasm, tables: Float64Array}} ModuleMessage */
+/** @typedef {{id: number, key: string, values: Record<string, number>, amplitude: number, exact: boolean,
+ *             kept: boolean}} RunMessage */
 
 /** @param {any} scope @param {any} settings @param {any} simulation @param {any} metrics */
 function steerWorker(scope, settings, simulation, metrics) {
-  const cars = new Map();
+  const cars = new Map(), channel = new MessageChannel();
+  let stopped = false, last = Promise.resolve();
+
+  /** Let messages come in. @returns {Promise<void>} */
+  const breathe = () => new Promise((resolve) => {
+    channel.port1.onmessage = () => resolve();
+    channel.port2.postMessage(0);
+  });
+
+  /** The result of work in steps; undefined where it was stopped. @param {Generator} steps @param {RunMessage} run */
+  async function done(steps, run) {
+    for (;;) {
+      const step = steps.next();
+      if (step.done) return step.value;
+      if (run.exact) await breathe();
+      if (stopped && !run.kept) return undefined;
+    }
+  }
 
   /** @param {RunMessage} run */
-  function answer(run) {
-    const car = cars.get(run.key), { weave } = settings, begun = scope.performance.now();
+  async function answer(run) {
+    const car = cars.get(run.key), { weave } = settings;
+    stopped = false;
     const numbers = simulation.packed(car.structure, run.values);
-    const amplitude = run.exact ? simulation.findAmplitude(car, numbers, weave, run.amplitude) : run.amplitude;
+    const amplitude = run.exact
+      ? await done(simulation.findAmplitude(car, numbers, weave, run.amplitude), run) : run.amplitude;
     const cycles = run.exact ? weave.cycles : weave.movingCycles;
     const channels = Number.isFinite(amplitude)
-      ? simulation.drive(car, numbers, weave, amplitude, cycles, weave.channels) : null;
-    if (!channels) return { id: run.id, exact: run.exact, amplitude: NaN, failed: true };
+      ? await done(simulation.drive(car, numbers, weave, amplitude, cycles, weave.channels), run) : null;
+    if (amplitude === undefined || channels === undefined) return { id: run.id, stopped };
+    if (!channels) return { id: run.id, exact: run.exact, failed: true };
     const found = metrics.evaluate(channels, weave.frequency, run.exact ? weave.fewest : weave.movingFewest,
       settings.metrics);
     const size = Math.round(weave.rate / weave.frequency), from = channels.lateral_acceleration.length - 2 * size;
@@ -29,7 +52,7 @@ function steerWorker(scope, settings, simulation, metrics) {
     const reached = simulation.halfSpan(channels.lateral_acceleration);
     return {
       id: run.id, exact: run.exact, amplitude, next: (amplitude * weave.target) / reached, shown,
-      values: found.values, reasons: found.reasons, took: scope.performance.now() - begun,
+      values: found.values, reasons: found.reasons,
     };
   }
 
@@ -41,14 +64,16 @@ function steerWorker(scope, settings, simulation, metrics) {
     return found;
   }
 
-  scope.onmessage = (/** @type {MessageEvent} */ event) => {
-    if (event.data.module) {
-      const { structure, wasm, beginning, tables } = /** @type {ModuleMessage} */ (event.data.module);
+  scope.onmessage = (/** @type {MessageEvent} */ { data }) => {
+    if (data.stop) {
+      stopped = true;
+    } else if (data.module) {
+      const { structure, wasm, beginning, tables } = /** @type {ModuleMessage} */ (data.module);
       const begun = new simulation.Beginning(structure, new WebAssembly.Module(beginning), tables);
       const car = new simulation.Car(structure, new WebAssembly.Module(wasm), begun, tables);
       cars.set(`${structure.law} ${structure.chassis}`, car);
-      return;
+    } else {
+      last = last.then(async () => scope.postMessage(await answer(data.run).catch((error) => ({ error: error.message }))));
     }
-    scope.postMessage(answer(event.data.run));
   };
 }

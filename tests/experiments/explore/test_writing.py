@@ -1,0 +1,38 @@
+"""What the page refuses before long work begins, and its command."""
+
+import pytest
+
+from steer_env.experiments import explore
+from steer_env.experiments.cli.main import main
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"friction": ["stiction"]}, "friction must be one of"),
+        ({"chassis": ["tricycle"]}, "chassis must be one of"),
+        ({"friction": []}, "needs a friction law and a chassis"),
+        ({"vehicle": "tank"}, "vehicle must be"),
+    ],
+)
+def test_a_bad_value_is_refused(given, message, tmp_path):
+    with pytest.raises(ValueError, match=message):
+        explore.explore(tmp_path / "page", **given)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_with_other_files_is_left_alone(tmp_path, capsys):
+    (tmp_path / "thesis.tex").write_text("mine")
+    assert main(["explore", "--out", str(tmp_path)]) == 2
+    assert "holds other files (thesis.tex)" in capsys.readouterr().err
+    assert (tmp_path / "thesis.tex").read_text() == "mine"
+
+
+def test_the_command_writes_a_page_and_replaces_it(tmp_path, capsys):
+    for _ in range(2):
+        words = ["explore", "--friction", "lugre", "--chassis", "single_track", "--out", str(tmp_path / "page")]
+        assert main(words) == 0
+        assert capsys.readouterr().out.strip() == str(tmp_path / "page" / "index.html")
+    found = {str(path.relative_to(tmp_path / "page")) for path in (tmp_path / "page").rglob("*.js")}
+    assert {"modules/single_track_lugre.js", "modules/single_track_beginning.js", "declared.js", "tables.js"} <= found
+    assert (tmp_path / "page" / "uplot.LICENSE").read_text().startswith("The MIT License")
