@@ -71,6 +71,11 @@ def load(out: Path) -> dict[str, Any]:
     return state
 
 
+def kept(out: Path) -> int:
+    """Steps from which a training goes on where it is resumed; 0 where it begins anew."""
+    return int(load(out)["steps"]) if (out / FOLDER / STATE).is_file() else 0
+
+
 def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     """Write a table, which appears or is replaced as a whole; nothing where there is no row."""
     if rows:
@@ -340,6 +345,9 @@ class Training:
                         f"the checkpoint in {out} is of {key} {state[key]}, not {value}: resume with "
                         f"--{key} {state[key]}, or train in another directory"
                     )
+            budget = state["settings"]["algorithm"].get("cost_budget")
+            if cost_budget not in (None, budget):
+                raise ValueError(f"a resumed run keeps its cost_budget, here {budget}, got {cost_budget}")
             self.seconds, self._trained = state["seconds"], state["steps"]
             self.validated, self.next_validation = validated(out), state["next"]
         else:

@@ -15,7 +15,7 @@ import stable_baselines3
 
 from steer_env import assists
 from steer_env.experiments.cli.main import main
-from steer_env.experiments.learning import held_out, policy, policy_report, shift, training
+from steer_env.experiments.learning import assist_suite, held_out, policy, policy_report, shift, training
 from steer_env.experiments.learning.constants import SHIFTS
 from steer_env.experiments.learning.training import Training, settings
 from steer_env.experiments.pages.options import Friction
@@ -533,7 +533,7 @@ def test_speeds_of_scenarios_are_not_replaced(tmp_path, capsys):
     assert (
         main(["policy", "shift", str(run.out / "policy.zip"), "--over", "speed", "--out", str(tmp_path / "shift")]) == 2
     )
-    assert "takes no other speed: give another condition with --over" in capsys.readouterr().err
+    assert "has nothing to replace for --over speed" in capsys.readouterr().err
 
 
 @pytest.mark.whole
@@ -566,6 +566,10 @@ def test_shift_over_everything(trained, tmp_path):
         (["policy", "evaluate", "boost", "--env", WEAVE, "--out", "file"], "file is a file: give a directory"),
         (["policy", "evaluate", "boost", "boost", "--env", WEAVE], "'boost' is given twice"),
         (["policy", "evaluate", "boost"], "--env must name the environment"),
+        (["policy", "evaluate", "."], r"\. is a folder: give the policy\.zip in it"),
+        (["policy", "suite", ".", "--env", WEAVE], r"\. is a folder: give the policy\.zip in it"),
+        (["train", "--env", "AssistWeave-v2"], "; did you mean steer_env/AssistWeave-v2;"),
+        (["train", "--env", "steer_env/AssistWeave"], "; did you mean steer_env/AssistWeave-v2;"),
         (["policy", "shift", "lqg"], "a baseline, which was not trained"),
         (["train", "--env", WEAVE, "--resume", "--library-defaults"], "a resumed one keeps its settings: leave it out"),
         (["policy", "shift", "weave"], "'weave' is no policy: give a policy.zip"),
@@ -588,6 +592,28 @@ def test_bad_commands(arguments, message, tmp_path, monkeypatch, capsys):
     assert code == 2
     assert re.search(message, capsys.readouterr().err)
     assert [path.name for path in tmp_path.iterdir()] == ["file"]  # nothing written
+
+
+def test_an_interrupted_training_tells_from_where_it_goes_on(trained, monkeypatch, capsys):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Training, "run", interrupted)
+    assert main(["train", "--env", WEAVE, "--resume", "--out", str(trained)]) == 130
+    assert "run holds the training up to step 8192; --resume goes on from there" in capsys.readouterr().err
+
+
+def test_a_resumed_training_keeps_its_budget(trained):
+    with pytest.raises(ValueError, match=r"keeps its cost_budget, here None, got 1\.0"):
+        Training(WEAVE, None, trained, resume=True, cost_budget=1.0)
+
+
+def test_the_suite_warns_of_a_policy_that_is_not_shipped(trained, monkeypatch, capsys):
+    monkeypatch.setattr(assist_suite, "examine_all", lambda *_: {})
+    assert main(["policy", "suite", str(trained / "policy.zip")]) == 0
+    assert "caution" in capsys.readouterr().err
+    assert main(["policy", "suite", "shipped", "--env", WEAVE]) == 0
+    assert "caution" not in capsys.readouterr().err
 
 
 def test_files_of_others_are_refused(tmp_path):
