@@ -28,8 +28,9 @@ async function steerDeclared(declared) {
   const fields = steerFields(find("fields"), changed);
   const settings = { weave: declared.weave, metrics: declared.metrics };
   const text = [
-    ...[steerMetrics, steerSimulation, steerWorker].map(String),
-    `steerWorker(self, ${JSON.stringify(settings)}, steerSimulation(), steerMetrics(${JSON.stringify(declared.loops)}))`,
+    ...[steerMetrics, steerSimulation, steerStability, steerWorker].map(String),
+    `const settings = ${JSON.stringify(settings)}, metrics = steerMetrics(${JSON.stringify(declared.loops)});`,
+    "steerWorker(self, settings, steerSimulation(), metrics, steerStability());",
   ].join("\n");
   const worker = new Worker(URL.createObjectURL(new Blob([`"use strict";\n${text}`], { type: "text/javascript" })));
 
@@ -126,13 +127,13 @@ async function steerDeclared(declared) {
     main.classList.toggle("stale", Boolean(answer.failed));
     if (answer.failed) {
       amplitude = 0.2;
-      status.textContent = `With these values no handwheel amplitude gives a steady weave at ${declared.weave.target} ` +
-        "m/s²: the car spins, or its assist loop is unstable.";
+      status.textContent = answer.unstable ||
+        `no handwheel amplitude reaches ${declared.weave.target} m/s² with these values`;
       status.classList.add("refusal");
       return;
     }
-    status.textContent = notice;
-    status.classList.remove("refusal");
+    status.textContent = answer.unstable ? `${answer.unstable}. No metric is read from such a weave.` : notice;
+    status.classList.toggle("refusal", answer.unstable !== "");
     if (answer.next > 0 && answer.next < 6) amplitude = answer.exact ? answer.amplitude : answer.next;
     latest = answer;
     steerShown.answer = answer;
