@@ -164,13 +164,13 @@ def _speed(chassis: str, kph: Any) -> float:
 
 def _of_assist(car: Car) -> list[Parameter]:
     found = []
-    for key, (label, low, high) in _BY_SPEED.items():
-        name, unit = f"assist.{key}", declared_keys()["assist"][key].unit
-        refuse = partial(_by_speed, car, key)
-        found.append(_parameter(name, "Assist", label, unit, (low, high), float(np.max(_profile(car, key))), refuse))
+    for key, (label, *span) in _BY_SPEED.items():
+        unit, value = declared_keys()["assist"][key].unit, float(np.max(_profile(car, key)))
+        refuse: Callable[[Any], Any] = partial(_by_speed, car, key)
+        found.append(_parameter(f"assist.{key}", "Assist", label, unit, (span[0], span[1]), value, refuse))
+    refuse = partial(checked, "assist", BOOST)
     for i, speed in enumerate(car.assist.speeds):
         label = f"Boost at {speed / KPH:.3g} km/h"
-        refuse = partial(checked, "assist", BOOST)
         found.append(_parameter(f"assist.{BOOST}.{i}", "Boost by speed", label, "1", (0.5, 1.5), 1.0, refuse))
     return found
 

@@ -147,7 +147,8 @@ async function steerDeclared(declared) {
       x: "lateral_acceleration", y: "handwheel_torque", scale: [1, 1] },
   ];
   const histories = [
-    { draw: pictures.picture(find("torque-time"), "time [s]", "hand torque [N m]", 0.5), y: "handwheel_torque", scale: 1 },
+    { draw: pictures.picture(find("torque-time"), "time [s]", "hand torque [N m]", 0.5),
+      y: "handwheel_torque", scale: 1 },
     { draw: pictures.picture(find("acceleration-time"), "time [s]", "acceleration [m/s²]", 0.5),
       y: "lateral_acceleration", scale: 1 },
     { draw: pictures.picture(find("rack-time"), "time [s]", "rack force [kN]", 0.5), y: "rack_force", scale: 1e-3 },
@@ -157,7 +158,8 @@ async function steerDeclared(declared) {
     if (!latest) return;
     const colours = ["--pin-a", "--pin-b", "--pin-c"].map(pictures.style);
     const all = [
-      ...Object.keys(pins).map((name) => ({ of: pins[name].answer, colour: colours[address.PINS.indexOf(name)], wide: false })),
+      ...Object.entries(pins).map(([name, pin]) =>
+        ({ of: pin.answer, colour: colours[address.PINS.indexOf(name)], wide: false })),
       { of: latest, colour: pictures.style("--accent"), wide: true },
     ];
     const scaled = (/** @type {number[]} */ list, /** @type {number} */ by) => list.map((v) => v * by);
@@ -184,7 +186,8 @@ async function steerDeclared(declared) {
       const line = document.createElement("li");
       line.dataset.pin = name;
       const { parameters } = structures.get(`${of.law} ${of.chassis}`);
-      const label = (/** @type {string} */ key) => parameters.find((/** @type {Field} */ q) => q.name === key).label.split(",")[0];
+      const label = (/** @type {string} */ key) =>
+        parameters.find((/** @type {Field} */ q) => q.name === key).label.split(",")[0];
       const changed = Object.entries(of.values).map(([key, value]) => `${label(key)} ${value}`);
       line.textContent = [`${name}: ${spaced(of.law)}`, spaced(of.chassis), ...changed].join(", ");
       return line;

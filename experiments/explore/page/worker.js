@@ -74,7 +74,8 @@ function steerWorker(scope, settings, simulation, metrics, stability) {
       const car = new simulation.Car(structure, new WebAssembly.Module(wasm), begun, tables);
       cars.set(`${structure.law} ${structure.chassis}`, car);
     } else {
-      last = last.then(async () => scope.postMessage(await answer(data.run).catch((error) => ({ error: error.message }))));
+      const answered = () => answer(data.run).catch((error) => ({ error: error.message }));
+      last = last.then(async () => scope.postMessage(await answered()));
     }
   };
 }

@@ -3,6 +3,7 @@
 import functools
 import http.server
 import json
+import os
 import shutil
 import statistics
 import threading
@@ -267,8 +268,15 @@ def test_a_page_holds_what_it_should_at_most(page):
     assert all(size < 1e5 for path, size in sizes.items() if path.parent.name == "modules")
 
 
+@pytest.fixture
+def quiet():
+    """Times are measured where other programs leave half of the processors alone."""
+    if os.getloadavg()[0] > 0.5 * (os.cpu_count() or 1):
+        pytest.skip(f"the machine is too busy for a time: load {os.getloadavg()[0]:.1f}")
+
+
 @pytest.mark.whole
-def test_first_loops_are_there_within_a_second(page, tmp_path):
+def test_first_loops_are_there_within_a_second(page, tmp_path, quiet):
     taken = []
     for k in range(3):
         with Chromium(tmp_path / f"profile{k}") as browser:
@@ -299,7 +307,7 @@ MOVES = """(async () => {
 
 
 @pytest.mark.whole
-def test_a_move_of_a_slider_is_redrawn_at_once(page, browser):
+def test_a_move_of_a_slider_is_redrawn_at_once(page, browser, quiet):
     browser.open(address(page))
     browser.until(READY)
     taken = browser.value(MOVES)
