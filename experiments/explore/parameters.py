@@ -202,8 +202,7 @@ def _by_speed(car: Car, key: str, most: float) -> np.ndarray:
     """Values (V,) of a key of the assist whose largest is ``most``, in the proportions of the car; checked."""
     most = checked("assist", key, most)
     profile = _profile(car, key)
-    shape = profile / profile.max() if profile.max() > 0.0 else np.ones(profile.size)
-    return most * shape
+    return profile * (most / profile.max()) if profile.max() > 0.0 else np.full(profile.size, most)
 
 
 def plant(car: Car, law: str, chassis: str, values: Values) -> Plant:
