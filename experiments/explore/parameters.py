@@ -164,13 +164,13 @@ def _speed(chassis: str, kph: Any) -> float:
 
 def _of_assist(car: Car) -> list[Parameter]:
     found = []
-    for key, (label, low, high) in _BY_SPEED.items():
-        name, unit = f"assist.{key}", declared_keys()["assist"][key].unit
-        most = float(np.max(_profile(car, key)))
-        found.append(_parameter(name, "Assist", label, unit, (low, high), most, partial(_by_speed, car, key)))
+    for key, (label, *span) in _BY_SPEED.items():
+        unit, value = declared_keys()["assist"][key].unit, float(np.max(_profile(car, key)))
+        refuse: Callable[[Any], Any] = partial(_by_speed, car, key)
+        found.append(_parameter(f"assist.{key}", "Assist", label, unit, (span[0], span[1]), value, refuse))
+    refuse = partial(checked, "assist", BOOST)
     for i, speed in enumerate(car.assist.speeds):
         label = f"Boost at {speed / KPH:.3g} km/h"
-        refuse = partial(checked, "assist", BOOST)
         found.append(_parameter(f"assist.{BOOST}.{i}", "Boost by speed", label, "1", (0.5, 1.5), 1.0, refuse))
     return found
 
@@ -202,8 +202,7 @@ def _by_speed(car: Car, key: str, most: float) -> np.ndarray:
     """Values (V,) of a key of the assist whose largest is ``most``, in the proportions of the car; checked."""
     most = checked("assist", key, most)
     profile = _profile(car, key)
-    shape = profile / profile.max() if profile.max() > 0.0 else np.ones(profile.size)
-    return most * shape
+    return profile * (most / profile.max()) if profile.max() > 0.0 else np.full(profile.size, most)
 
 
 def plant(car: Car, law: str, chassis: str, values: Values) -> Plant:

@@ -45,6 +45,7 @@ CONTENTS = frozenset((*(file.name for file in PAGE.iterdir()), MODULES, "declare
 LAWS_SHOWN = ("lugre", "masing", "dahl", "coulomb", "viscous")  # by default; each takes a minute to compile, once
 LARGE = 1000  # numbers from which on a table is written once for all modules
 RATE = 1.0 / SAMPLE_TIME  # [Hz]
+_OF_LOOP = ("column.", "assist.")  # parameters on which the stability of the assist's loop depends
 RECORDED = (ANGLE, TORQUE, AY, YAW, "rack_force")
 # While a slider moves: the fewest cycles of which some are settled, so that the picture follows.
 MOVING_CYCLES, MOVING_FEWEST = 3, 1
@@ -187,6 +188,7 @@ def structure(car: Car, which: Combination) -> dict[str, Any]:
         "inputs": subsystem.inputs,
         "channels": [name for name, _ in plant.channels(p)],
         "zeroStates": list(subsystem.zero_states),
+        "places": {name: [at.start, at.stop] for name, at in slices(p).items() if name.startswith(_OF_LOOP)},
         **_begun(car, which, p),
     }
 
@@ -224,6 +226,7 @@ def declared(car: Car, wanted: Sequence[Combination]) -> dict[str, Any]:
             "trialCycles": round((weave.trial or 0.0) * (weave.frequency or 1.0)),
             "rate": RATE,
             "channels": list(RECORDED),
+            "speed": parameters.SPEED,
             "thin": THIN,
         },
         "loops": loop_constants(),

@@ -84,7 +84,8 @@ function steerLoading(declared) {
       @param {string} chassis */
   return async function module(law, chassis) {
     const data = await handed(declared.modules[`${law} ${chassis}`]);
-    const [wasm, beginning] = await Promise.all([data.wasm, await handed(declared.beginnings[chassis])].map(steerUnpacked));
+    const begun = await handed(declared.beginnings[chassis]);
+    const [wasm, beginning] = await Promise.all([data.wasm, begun].map(steerUnpacked));
     return { structure: data.structure, wasm, beginning, tables: await joined(data.tables) };
   };
 }

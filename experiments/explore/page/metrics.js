@@ -426,14 +426,16 @@ function steerMetrics(constants) {
   /** Every metric in the unit of the reports, or why there is none.
       @param {Channels} channels @param {number} frequency @param {number} fewest
       @param {{name: string, scale: number, validity: [number, number] | null}[]} wanted
+      @param {string} refused why there is none at all; empty where there may be some
       @returns {{values: Record<string, number>, reasons: Record<string, string>, loops: Loops | null}} */
-  function evaluate(channels, frequency, fewest, wanted) {
+  function evaluate(channels, frequency, fewest, wanted, refused = "") {
     /** @type {Record<string, number>} */
     const values = {};
     /** @type {Record<string, string>} */
     const reasons = {};
-    let loops = null, whole = "";
+    let loops = null, whole = refused;
     try {
+      if (refused) throw new Refused(refused);
       loops = new Loops(channels, frequency, fewest);
     } catch (error) {
       if (!(error instanceof Refused)) throw error;

@@ -28,8 +28,9 @@ async function steerDeclared(declared) {
   const fields = steerFields(find("fields"), changed);
   const settings = { weave: declared.weave, metrics: declared.metrics };
   const text = [
-    ...[steerMetrics, steerSimulation, steerWorker].map(String),
-    `steerWorker(self, ${JSON.stringify(settings)}, steerSimulation(), steerMetrics(${JSON.stringify(declared.loops)}))`,
+    ...[steerMetrics, steerSimulation, steerStability, steerWorker].map(String),
+    `const settings = ${JSON.stringify(settings)}, metrics = steerMetrics(${JSON.stringify(declared.loops)});`,
+    "steerWorker(self, settings, steerSimulation(), metrics, steerStability());",
   ].join("\n");
   const worker = new Worker(URL.createObjectURL(new Blob([`"use strict";\n${text}`], { type: "text/javascript" })));
 
@@ -126,13 +127,13 @@ async function steerDeclared(declared) {
     main.classList.toggle("stale", Boolean(answer.failed));
     if (answer.failed) {
       amplitude = 0.2;
-      status.textContent = `With these values no handwheel amplitude gives a steady weave at ${declared.weave.target} ` +
-        "m/s²: the car spins, or its assist loop is unstable.";
+      status.textContent = answer.unstable ||
+        `no handwheel amplitude reaches ${declared.weave.target} m/s² with these values`;
       status.classList.add("refusal");
       return;
     }
-    status.textContent = notice;
-    status.classList.remove("refusal");
+    status.textContent = answer.unstable ? `${answer.unstable}. No metric is read from such a weave.` : notice;
+    status.classList.toggle("refusal", answer.unstable !== "");
     if (answer.next > 0 && answer.next < 6) amplitude = answer.exact ? answer.amplitude : answer.next;
     latest = answer;
     steerShown.answer = answer;
@@ -146,7 +147,8 @@ async function steerDeclared(declared) {
       x: "lateral_acceleration", y: "handwheel_torque", scale: [1, 1] },
   ];
   const histories = [
-    { draw: pictures.picture(find("torque-time"), "time [s]", "hand torque [N m]", 0.5), y: "handwheel_torque", scale: 1 },
+    { draw: pictures.picture(find("torque-time"), "time [s]", "hand torque [N m]", 0.5),
+      y: "handwheel_torque", scale: 1 },
     { draw: pictures.picture(find("acceleration-time"), "time [s]", "acceleration [m/s²]", 0.5),
       y: "lateral_acceleration", scale: 1 },
     { draw: pictures.picture(find("rack-time"), "time [s]", "rack force [kN]", 0.5), y: "rack_force", scale: 1e-3 },
@@ -156,7 +158,8 @@ async function steerDeclared(declared) {
     if (!latest) return;
     const colours = ["--pin-a", "--pin-b", "--pin-c"].map(pictures.style);
     const all = [
-      ...Object.keys(pins).map((name) => ({ of: pins[name].answer, colour: colours[address.PINS.indexOf(name)], wide: false })),
+      ...Object.entries(pins).map(([name, pin]) =>
+        ({ of: pin.answer, colour: colours[address.PINS.indexOf(name)], wide: false })),
       { of: latest, colour: pictures.style("--accent"), wide: true },
     ];
     const scaled = (/** @type {number[]} */ list, /** @type {number} */ by) => list.map((v) => v * by);
@@ -183,7 +186,8 @@ async function steerDeclared(declared) {
       const line = document.createElement("li");
       line.dataset.pin = name;
       const { parameters } = structures.get(`${of.law} ${of.chassis}`);
-      const label = (/** @type {string} */ key) => parameters.find((/** @type {Field} */ q) => q.name === key).label.split(",")[0];
+      const label = (/** @type {string} */ key) =>
+        parameters.find((/** @type {Field} */ q) => q.name === key).label.split(",")[0];
       const changed = Object.entries(of.values).map(([key, value]) => `${label(key)} ${value}`);
       line.textContent = [`${name}: ${spaced(of.law)}`, spaced(of.chassis), ...changed].join(", ");
       return line;

@@ -61,7 +61,7 @@ function steerPictures() {
         mode: 2, ...size(), legend: { show: false }, cursor: { show: false },
         scales: { x: { time: false, range: range("x") }, y: { range: range("y") } },
         axes: [axis(xLabel, 32), axis(yLabel, 44)],
-        series: [null, ...shown.map(() => ({ paths: path, facets: [{ scale: "x", auto: true }, { scale: "y", auto: true }] }))],
+        series: [null, ...shown.map(() => ({ paths: path, facets: ["x", "y"].map((scale) => ({ scale, auto: true })) }))],
       }, data(), host);
     }
 

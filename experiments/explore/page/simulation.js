@@ -6,7 +6,7 @@
 /** @typedef {{name: string, low: number, high: number}} SliderRange */
 /** @typedef {{law: string, chassis: string, parameters: SliderRange[], numbers: number[], dependences: Dependence[],
  *             states: number, given: number, inputs: number, channels: string[], zeroStates: number[],
- *             ofLaw: number[], beginning: number[]}} Structure */
+ *             ofLaw: number[], beginning: number[], places: Record<string, [number, number]>}} Structure */
 /** @typedef {{frequency: number, rate: number, target: number, trialCycles: number, channels: string[]}} Weave */
 
 function steerSimulation() {

@@ -59,7 +59,8 @@ function steerTable(host, entries, noticed) {
     const made = cell("td", written(base), "value"), verdict = perceived(entry, base, value);
     if (!Number.isFinite(base) || !Number.isFinite(value)) return made;
     const sign = value >= base ? "+" : "\u2212", share = Math.abs((100 * (value - base)) / base);
-    made.append(cell("small", `${sign}${written(Math.abs(value - base))}${base ? `, ${sign}${share.toFixed(1)}\u00a0%` : ""}`));
+    const gap = `${sign}${written(Math.abs(value - base))}`;
+    made.append(cell("small", base ? `${gap}, ${sign}${share.toFixed(1)}\u00a0%` : gap));
     if (verdict !== UNKNOWN) made.append(cell("small", verdict, verdict === PERCEPTIBLE ? "noticed" : "unnoticed"));
     return made;
   }

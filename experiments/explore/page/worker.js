@@ -11,8 +11,8 @@
 /** @typedef {{id: number, key: string, values: Record<string, number>, amplitude: number, exact: boolean,
  *             kept: boolean}} RunMessage */
 
-/** @param {any} scope @param {any} settings @param {any} simulation @param {any} metrics */
-function steerWorker(scope, settings, simulation, metrics) {
+/** @param {any} scope @param {any} settings @param {any} simulation @param {any} metrics @param {any} stability */
+function steerWorker(scope, settings, simulation, metrics, stability) {
   const cars = new Map(), channel = new MessageChannel();
   let stopped = false, last = Promise.resolve();
 
@@ -43,16 +43,17 @@ function steerWorker(scope, settings, simulation, metrics) {
     const channels = Number.isFinite(amplitude)
       ? await done(simulation.drive(car, numbers, weave, amplitude, cycles, weave.channels), run) : null;
     if (amplitude === undefined || channels === undefined) return { id: run.id, stopped };
-    if (!channels) return { id: run.id, exact: run.exact, failed: true };
+    const unstable = stability.reason(car.structure.places, numbers, run.values[weave.speed] / 3.6);
+    if (!channels) return { id: run.id, exact: run.exact, failed: true, unstable };
     const found = metrics.evaluate(channels, weave.frequency, run.exact ? weave.fewest : weave.movingFewest,
-      settings.metrics);
+      settings.metrics, unstable);
     const size = Math.round(weave.rate / weave.frequency), from = channels.lateral_acceleration.length - 2 * size;
     const shown = Object.fromEntries(Object.entries(channels).map(([name, values]) =>
       [name, thinned(/** @type {Float64Array} */ (values), from, from + size, weave.thin)]));
     const reached = simulation.halfSpan(channels.lateral_acceleration);
     return {
       id: run.id, exact: run.exact, amplitude, next: (amplitude * weave.target) / reached, shown,
-      values: found.values, reasons: found.reasons,
+      values: found.values, reasons: found.reasons, unstable,
     };
   }
 
@@ -73,7 +74,8 @@ function steerWorker(scope, settings, simulation, metrics) {
       const car = new simulation.Car(structure, new WebAssembly.Module(wasm), begun, tables);
       cars.set(`${structure.law} ${structure.chassis}`, car);
     } else {
-      last = last.then(async () => scope.postMessage(await answer(data.run).catch((error) => ({ error: error.message }))));
+      const answered = () => answer(data.run).catch((error) => ({ error: error.message }));
+      last = last.then(async () => scope.postMessage(await answered()));
     }
   };
 }

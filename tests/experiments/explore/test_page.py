@@ -18,6 +18,7 @@ from steer_env.friction.numerics.packing import numbers
 from steer_env.manoeuvres.common import driving
 from steer_env.vehicle import cars, chassis
 from steer_env.vehicle.keys import checked
+from steer_env.vehicle.steering import stability
 from tests.experiments.explore.chromium import Chromium, needed
 
 pytestmark = needed
@@ -95,6 +96,29 @@ def test_packed_numbers_are_those_of_python(page, browser):
         np.testing.assert_allclose(
             found, numbers(parameters.plant(car, "lugre", "single_track", values)), rtol=1e-12, atol=1e-15
         )
+
+
+def test_an_unstable_assist_loop_is_told_in_the_words_of_python(page, browser):
+    """Over sets of values: which of them are unstable, and why; a weave of one has no metrics."""
+    browser.open(address(page))
+    browser.until(READY)
+    car, structure = cars.load("compact"), "steerShown.structures.get('lugre single_track')"
+    fields, rng, told = parameters.every(car, "lugre", "single_track"), np.random.default_rng(3), []
+    for _ in range(40):
+        values = {q.name: q.low + rng.random() * (q.high - q.low) for q in fields}
+        p, speed = parameters.plant(car, "lugre", "single_track", values), values["speed_kph"] / 3.6
+        packed = f"Float64Array.from({json.dumps(numbers(p).tolist())})"
+        found = browser.value(f"steerStability().reason({structure}.places, {packed}, {speed})")
+        told.append(stability.reason(p.column, p.assist, speed, free=False))
+        assert found == told[-1]
+        if found:
+            unstable = values
+    assert 4 <= sum(map(bool, told)) <= 36
+    browser.open("about:blank")
+    browser.until("typeof steerShown === 'undefined'")
+    browser.open(address(page, **unstable))
+    browser.until("document.getElementById('status')?.textContent.includes('the assist loop is unstable')")
+    assert not browser.value("Object.values(steerShown.answer?.values ?? {}).some(Number.isFinite)")
 
 
 def test_a_slider_by_the_keyboard_drives_the_car_anew_and_the_address_repeats_it(page, browser):

@@ -49,6 +49,12 @@ def test_a_car_without_changes_is_the_car_with_its_functions_off():
     np.testing.assert_array_equal(found.assist.damping, own.assist.damping)
 
 
+def test_a_car_with_functions_that_change_with_the_speed_is_itself():
+    car = cars.load("compact_tuned")
+    own = car.plant("lugre", robot=True)
+    np.testing.assert_array_equal(numbers(parameters.plant(car, "lugre", "single_track", {})), numbers(own))
+
+
 @pytest.mark.parametrize(("law", "body"), QUICK)
 def test_the_limits_of_a_field_are_those_of_python(law, body):
     car = cars.load("compact")
