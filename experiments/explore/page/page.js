@@ -10,7 +10,7 @@ const REST = 250;  // time without a change after which the whole weave is drive
 const DEGREES = 180 / Math.PI;
 
 /** What is shown, for tests and for the console. @type {any} */
-const steerShown = { structures: new Map(), answer: null };
+const steerShown = { structures: new Map(), answer: null, pins: {} };
 
 /** @param {any} declared */
 async function steerDeclared(declared) {
@@ -34,12 +34,10 @@ async function steerDeclared(declared) {
   ].join("\n");
   const worker = new Worker(URL.createObjectURL(new Blob([`"use strict";\n${text}`], { type: "text/javascript" })));
 
-  const { structures } = steerShown, load = steerLoading(declared);
+  const { structures, pins } = steerShown, load = steerLoading(declared);
   const known = { laws: declared.laws.map((/** @type {any} */ law) => law.name), chassis: declared.chassis };
   const start = address.read(location.hash.slice(1), { law: known.laws[0], chassis: known.chassis[0] }, known);
   let shown = start.shown;
-  /** @type {Record<string, any>} */
-  const pins = {};
   /** @type {any} */
   let latest = null;
   /** @type {{resolve: (answer: any) => void, reject: (error: Error) => void}[]} */

@@ -9,6 +9,7 @@ import statistics
 import threading
 import time
 from dataclasses import replace
+from urllib.parse import quote
 
 import numpy as np
 import pytest
@@ -201,8 +202,8 @@ def test_pins_are_laid_over_and_differences_are_told(page, browser):
 
 
 def test_a_pinned_car_of_the_address_is_checked_too(page, browser):
-    pin = "law%3Dlugre%26chassis%3Dsingle_track%26friction.F_c%3D-2%26column.K_tb%3D200"
-    browser.open(address(page, B=pin))
+    pin = "law=lugre&chassis=single_track&friction.F_c=-2&column.K_tb=200"
+    browser.open(address(page, B=quote(pin)))
     browser.until(READY)
     told = browser.until("document.getElementById('status').textContent")
     assert "B: F_c must be finite and greater than 0, got -2; left as the car has it." in told
@@ -224,6 +225,13 @@ def test_a_value_that_changes_while_the_whole_weave_is_driven_counts(page, brows
     browser.open(address(page, **{"friction.F_c": 1.7}))
     browser.until(READY)
     assert found == pytest.approx(browser.value("steerShown.answer.values"), rel=1e-4)
+
+
+def test_a_pinned_car_finds_an_amplitude_of_its_own(page, browser):
+    fast = "law=lugre&chassis=single_track&speed_kph=160&chassis.rear_cornering_stiffness_factor=0.8"
+    browser.open(address(page, speed_kph=60, A=quote(fast)))
+    browser.until("document.querySelector('#pinned li') !== null")
+    assert browser.value("steerShown.pins.A.answer.amplitude") < 0.4 * browser.value("steerShown.answer.amplitude")
 
 
 def test_a_folder_that_lacks_a_file_is_told(page, browser, tmp_path):
