@@ -7,10 +7,11 @@
 "use strict";
 
 const REST = 250;  // time without a change after which the whole weave is driven [ms]
+const FIRST = 0.2, MOST = 6;  // amplitude of the first weave, and the largest [rad]
 const DEGREES = 180 / Math.PI;
 
 /** What is shown, for tests and for the console. @type {any} */
-const steerShown = { structures: new Map(), answer: null };
+const steerShown = { structures: new Map(), answer: null, pins: {} };
 
 /** @param {any} declared */
 async function steerDeclared(declared) {
@@ -34,17 +35,15 @@ async function steerDeclared(declared) {
   ].join("\n");
   const worker = new Worker(URL.createObjectURL(new Blob([`"use strict";\n${text}`], { type: "text/javascript" })));
 
-  const { structures } = steerShown, load = steerLoading(declared);
+  const { structures, pins } = steerShown, load = steerLoading(declared);
   const known = { laws: declared.laws.map((/** @type {any} */ law) => law.name), chassis: declared.chassis };
   const start = address.read(location.hash.slice(1), { law: known.laws[0], chassis: known.chassis[0] }, known);
   let shown = start.shown;
-  /** @type {Record<string, any>} */
-  const pins = {};
   /** @type {any} */
   let latest = null;
   /** @type {{resolve: (answer: any) => void, reject: (error: Error) => void}[]} */
   const answered = [];
-  let notice = "", amplitude = 0.2, runs = 0, wanted = false, busy = false, settling = false, rest = 0;
+  let notice = "", amplitude = FIRST, runs = 0, wanted = false, busy = false, settling = false, rest = 0;
 
   /** Tell an error of work that runs on by itself. @param {Promise<any>} work */
   const told = (work) => work.catch((/** @type {Error} */ error) => {
@@ -126,7 +125,7 @@ async function steerDeclared(declared) {
     main.dataset.exact = String(answer.exact);
     main.classList.toggle("stale", Boolean(answer.failed));
     if (answer.failed) {
-      amplitude = 0.2;
+      amplitude = FIRST;
       status.textContent = answer.unstable ||
         `no handwheel amplitude reaches ${declared.weave.target} m/s² with these values`;
       status.classList.add("refusal");
@@ -134,7 +133,7 @@ async function steerDeclared(declared) {
     }
     status.textContent = answer.unstable ? `${answer.unstable}. No metric is read from such a weave.` : notice;
     status.classList.toggle("refusal", answer.unstable !== "");
-    if (answer.next > 0 && answer.next < 6) amplitude = answer.exact ? answer.amplitude : answer.next;
+    if (answer.next > 0 && answer.next < MOST) amplitude = answer.exact ? answer.amplitude : answer.next;
     latest = answer;
     steerShown.answer = answer;
     draw();
@@ -289,6 +288,9 @@ async function steerDeclared(declared) {
     choose(first.of);
     main.hidden = false;
     notice = remarks.join(" ");
+    const { next } = await driven(shown, false, true);  // for an amplitude with which the first picture is nearly right
+    if (next > 0 && next < MOST) amplitude = next;
+    show(await driven(shown, false, true));
     show(await driven(shown, true, true));
     for (const [name, given] of Object.entries(start.pins)) {
       const read = address.read(given, shown, known), { of, remarks: more } = await taken(read.shown);

@@ -11,6 +11,7 @@
 
 function steerSimulation() {
   const SLICE = 2000;  // milliseconds of a drive
+  const FIRST = 0.2;  // amplitude with which the search begins in Python [rad]
 
   /** Chebyshev's polynomials up to a degree. @param {number} t @param {number} degree */
   function chebyshev(t, degree) {
@@ -159,17 +160,18 @@ function steerSimulation() {
     return (high - low) / 2;
   }
 
-  /** The amplitude that reaches the lateral acceleration, from a first guess; NaN where there is none. It yields as drive.
-      @param {Car} car @param {Float64Array} numbers @param {Weave} weave @param {number} guess
-      @returns {Generator<void, number>} */
+  /** The amplitude that reaches the lateral acceleration, from a first guess, or else from that of Python; NaN where there
+      is none. It yields as drive. @param {Car} car @param {Float64Array} numbers @param {Weave} weave
+      @param {number} guess @returns {Generator<void, number>} */
   function* findAmplitude(car, numbers, weave, guess) {
-    let amplitude = guess;
-    for (let round = 0; round < 10; round++) {
-      const run = yield* drive(car, numbers, weave, amplitude, weave.trialCycles, ["lateral_acceleration"]);
-      const reached = run ? halfSpan(run.lateral_acceleration) : NaN;
-      if (Math.abs(reached / weave.target - 1) < 1e-5) return amplitude;
-      amplitude *= weave.target / reached;
-      if (!(amplitude > 0 && amplitude < 6)) break;
+    for (const first of [guess, FIRST]) {
+      let amplitude = first;
+      for (let round = 0; round < 10 && amplitude > 0 && amplitude < 6; round++) {
+        const run = yield* drive(car, numbers, weave, amplitude, weave.trialCycles, ["lateral_acceleration"]);
+        const reached = run ? halfSpan(run.lateral_acceleration) : NaN;
+        if (Math.abs(reached / weave.target - 1) < 1e-5) return amplitude;
+        amplitude *= weave.target / reached;
+      }
     }
     return NaN;
   }

@@ -2,37 +2,22 @@
 
 import functools
 import http.server
-import json
 import shutil
 import threading
 import time
-from dataclasses import replace
+from urllib.parse import quote
 
-import numpy as np
 import pytest
 
-from steer_env import friction, manoeuvres, metrics
+from steer_env import friction
 from steer_env.experiments import explore
-from steer_env.experiments.explore import parameters
-from steer_env.friction.numerics.packing import numbers
-from steer_env.manoeuvres.common import driving
-from steer_env.vehicle import cars, chassis
 from steer_env.vehicle.keys import checked
-from steer_env.vehicle.steering import stability
+from tests.experiments.explore.cases import CHANGED, evaluated
 from tests.experiments.explore.chromium import Chromium, needed
 
 pytestmark = needed
+UNSTABLE = {"column.K_tb": 290.0, "column.I2": 0.02}
 READY = "typeof steerShown === 'object' && steerShown.answer?.exact && steerShown.answer.id"
-CHANGED = {
-    **{
-        "friction.F_c": 1.4,
-        "column.K_tb": 190.0,
-        "assist.boost_scale": 0.8,
-        "assist.friction_share": 0.3,
-        "load": 250.0,
-    },
-    **{"speed_kph": 120.0, "steering.pinion_radius": 0.0075, "chassis.front_cornering_stiffness_factor": 1.2},
-}
 
 
 @pytest.fixture(scope="module")
@@ -52,71 +37,16 @@ def address(page, law="lugre", body="single_track", **values):
     return f"{page.as_uri()}#{'&'.join(f'{key}={value}' for key, value in pairs.items())}"
 
 
-def evaluated(law, body, values):
-    """Python's metrics of the standard weave with values of the page."""
-    car, speed = cars.load("compact"), values.get("speed_kph", 100.0) / 3.6
-    weave = replace(manoeuvres.make("weave"), speed=speed, chassis=body)
-    p = parameters.plant(car, law, body, values) if values else driving.build_plant(car, weave, law)
-    return metrics.evaluate(driving.drive_plant(car, p, weave), "weave", speed_m_s=speed, intervals=False)
-
-
-def require_equal(found, expected):
-    """Every metric of the page within 0.1 % of Python's, and refused where that is refused."""
-    assert set(found) == set(expected)
-    for name, value in expected.items():
-        shown = np.nan if found[name] is None else found[name]  # JSON knows no NaN
-        assert shown == pytest.approx(value.value, rel=1e-3, nan_ok=True), name
-
-
-@pytest.mark.parametrize("values", [{}, CHANGED], ids=["the car's own", "changed"])
-def test_every_metric_is_that_of_python(page, browser, values):
-    browser.open(address(page, **values))
+def test_metrics_are_those_of_python(page, browser):
+    """The whole chain in the browser, whose search for the amplitude begins elsewhere; every law: test_scripts.py."""
+    browser.open(address(page, **CHANGED))
     browser.until(READY)
-    require_equal(browser.value("steerShown.answer.values"), evaluated("lugre", "single_track", values))
+    found, expected = browser.value("steerShown.answer.values"), evaluated("lugre", "single_track", CHANGED)
+    assert {name: pytest.approx(value.value, rel=1e-4) for name, value in expected.items()} == found
 
 
-@pytest.mark.whole
-@pytest.mark.parametrize("body", chassis.available())
-@pytest.mark.parametrize("law", friction.available())
-def test_every_metric_of_every_law_is_that_of_python(law, body, browser, tmp_path):
-    browser.open(address(explore.explore(tmp_path / "page", friction=[law], chassis=[body]), law, body))
-    browser.until(READY)
-    require_equal(browser.value("steerShown.answer.values"), evaluated(law, body, {}))
-
-
-def test_packed_numbers_are_those_of_python(page, browser):
-    browser.open(address(page))
-    browser.until(READY)
-    car, structure = cars.load("compact"), "steerShown.structures.get('lugre single_track')"
-    fields = parameters.every(car, "lugre", "single_track")
-    rng = np.random.default_rng(1)
-    for _ in range(3):
-        values = {q.name: q.low + rng.random() * (q.high - q.low) for q in fields}
-        found = browser.value(f"Array.from(steerSimulation().packed({structure}, {json.dumps(values)}))")
-        np.testing.assert_allclose(
-            found, numbers(parameters.plant(car, "lugre", "single_track", values)), rtol=1e-12, atol=1e-15
-        )
-
-
-def test_an_unstable_assist_loop_is_told_in_the_words_of_python(page, browser):
-    """Over sets of values: which of them are unstable, and why; a weave of one has no metrics."""
-    browser.open(address(page))
-    browser.until(READY)
-    car, structure = cars.load("compact"), "steerShown.structures.get('lugre single_track')"
-    fields, rng, told = parameters.every(car, "lugre", "single_track"), np.random.default_rng(3), []
-    for _ in range(40):
-        values = {q.name: q.low + rng.random() * (q.high - q.low) for q in fields}
-        p, speed = parameters.plant(car, "lugre", "single_track", values), values["speed_kph"] / 3.6
-        packed = f"Float64Array.from({json.dumps(numbers(p).tolist())})"
-        found = browser.value(f"steerStability().reason({structure}.places, {packed}, {speed})")
-        told.append(stability.reason(p.column, p.assist, speed, free=False))
-        assert found == told[-1]
-        if found:
-            unstable = values
-    assert 4 <= sum(map(bool, told)) <= 36
-    browser.open("about:blank")
-    browser.until("typeof steerShown === 'undefined'")
-    browser.open(address(page, **unstable))
+def test_a_weave_of_an_unstable_assist_loop_has_no_metrics(page, browser):
+    browser.open(address(page, **UNSTABLE))
     browser.until("document.getElementById('status')?.textContent.includes('the assist loop is unstable')")
     assert not browser.value("Object.values(steerShown.answer?.values ?? {}).some(Number.isFinite)")
 
@@ -199,8 +129,8 @@ def test_pins_are_laid_over_and_differences_are_told(page, browser):
 
 
 def test_a_pinned_car_of_the_address_is_checked_too(page, browser):
-    pin = "law%3Dlugre%26chassis%3Dsingle_track%26friction.F_c%3D-2%26column.K_tb%3D200"
-    browser.open(address(page, B=pin))
+    pin = "law=lugre&chassis=single_track&friction.F_c=-2&column.K_tb=200"
+    browser.open(address(page, B=quote(pin)))
     browser.until(READY)
     told = browser.until("document.getElementById('status').textContent")
     assert "B: F_c must be finite and greater than 0, got -2; left as the car has it." in told
@@ -222,6 +152,13 @@ def test_a_value_that_changes_while_the_whole_weave_is_driven_counts(page, brows
     browser.open(address(page, **{"friction.F_c": 1.7}))
     browser.until(READY)
     assert found == pytest.approx(browser.value("steerShown.answer.values"), rel=1e-4)
+
+
+def test_a_pinned_car_finds_an_amplitude_of_its_own(page, browser):
+    fast = "law=lugre&chassis=single_track&speed_kph=160&chassis.rear_cornering_stiffness_factor=0.8"
+    browser.open(address(page, speed_kph=60, A=quote(fast)))
+    browser.until("document.querySelector('#pinned li') !== null")
+    assert browser.value("steerShown.pins.A.answer.amplitude") < 0.4 * browser.value("steerShown.answer.amplitude")
 
 
 def test_a_folder_that_lacks_a_file_is_told(page, browser, tmp_path):

@@ -7,17 +7,9 @@ from steer_env import friction
 from steer_env.experiments.explore import packing, parameters
 from steer_env.friction.numerics.packing import numbers
 from steer_env.vehicle import cars, chassis
+from tests.experiments.explore.cases import EACH, QUICK
 
-QUICK = [("lugre", "single_track"), ("masing", "two_track"), ("stribeck", "single_track")]
-EACH = [
-    *QUICK,
-    *(
-        pytest.param(law, body, marks=pytest.mark.whole)
-        for law in friction.available()
-        for body in chassis.available()
-        if (law, body) not in QUICK
-    ),
-]
+FEW = [*QUICK, ("stribeck", "single_track")]  # whose torque falls with the speed
 
 
 def test_a_changed_car_is_that_of_a_car_file():
@@ -55,7 +47,7 @@ def test_a_car_with_functions_that_change_with_the_speed_is_itself():
     np.testing.assert_array_equal(numbers(parameters.plant(car, "lugre", "single_track", {})), numbers(own))
 
 
-@pytest.mark.parametrize(("law", "body"), QUICK)
+@pytest.mark.parametrize(("law", "body"), FEW)
 def test_the_limits_of_a_field_are_those_of_python(law, body):
     car = cars.load("compact")
     for q in parameters.every(car, law, body):

@@ -1,0 +1,33 @@
+"""What the tests of the page run over, and Python's metrics for values of the page."""
+
+from dataclasses import replace
+
+import pytest
+
+from steer_env import friction, manoeuvres, metrics
+from steer_env.experiments.explore import parameters
+from steer_env.manoeuvres.common import driving
+from steer_env.vehicle import cars, chassis
+
+# Laws and chassis: pairs in every run, the product in the whole suite.
+QUICK = [("lugre", "single_track"), ("masing", "two_track")]
+OTHERS = [(law, body) for law in friction.available() for body in chassis.available() if (law, body) not in QUICK]
+EACH = [*QUICK, *(pytest.param(*pair, marks=pytest.mark.whole) for pair in OTHERS)]
+CHANGED = {
+    "friction.F_c": 1.4,
+    "column.K_tb": 190.0,
+    "assist.boost_scale": 0.8,
+    "assist.friction_share": 0.3,
+    "steering.pinion_radius": 0.0075,
+    "chassis.front_cornering_stiffness_factor": 1.2,
+    "load": 250.0,
+    "speed_kph": 120.0,
+}
+
+
+def evaluated(law, body, values):
+    """Python's metrics of the standard weave with values of the page."""
+    car, speed = cars.load("compact"), values.get("speed_kph", 100.0) / 3.6
+    weave = replace(manoeuvres.make("weave"), speed=speed, chassis=body)
+    p = parameters.plant(car, law, body, values) if values else driving.build_plant(car, weave, law)
+    return metrics.evaluate(driving.drive_plant(car, p, weave), "weave", speed_m_s=speed, intervals=False)

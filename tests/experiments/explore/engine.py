@@ -1,0 +1,55 @@
+"""The scripts of the page without a page: run by V8, the engine of Chromium, in this process."""
+
+import json
+from functools import cache
+
+from py_mini_racer import MiniRacer
+
+from steer_env.experiments.explore import module, parameters, writing
+from steer_env.friction.numerics.packing import pack
+from steer_env.vehicle import cars
+
+START = """
+const simulation = steerSimulation(), metrics = steerMetrics(declared.loops), stability = steerStability();
+const modules = [wasm, beginning].map((bytes) => new WebAssembly.Module(Uint8Array.from(bytes)));
+const imports = modules.flatMap((one) => WebAssembly.Module.imports(one).map(({ name }) => name));
+const shared = Float64Array.from(tables), begun = new simulation.Beginning(structure, modules[1], shared);
+const car = new simulation.Car(structure, modules[0], begun, shared), { weave } = declared;
+function whole(steps) {
+  let step;
+  do step = steps.next();
+  while (!step.done);
+  return step.value;
+}
+"""
+
+
+class Engine:
+    """A car with a law on a chassis, as the worker of the page has it."""
+
+    def __init__(self, law, body):
+        self._context = MiniRacer()
+        for name in ("metrics", "simulation", "stability"):
+            self._context.eval((writing.PAGE / f"{name}.js").read_text(encoding="utf-8"))
+        car, which = cars.load("compact"), writing.Combination(law, body)
+        own, begun = (parameters.plant(car, each, body, {}) for each in (law, module.BEGINNING))
+        self.structure = writing.structure(car, which)
+        given = {"structure": self.structure, "declared": writing.declared(car, [which])}
+        given |= {"wasm": list(module.advancing(own)), "beginning": list(module.beginning(begun))}
+        for name, value in {**given, "tables": pack(own).tables.tolist()}.items():
+            self._context.eval(f"const {name} = JSON.parse({json.dumps(json.dumps(value))});")
+        self._context.eval(START)
+
+    def value(self, expression, **given):
+        """What an expression gives, with names for values of Python; numbers that are not finite are None."""
+        names = ", ".join(given)
+        values = ", ".join(f"JSON.parse({json.dumps(json.dumps(value))})" for value in given.values())
+        plain = "(key, value) => ArrayBuffer.isView(value) ? Array.from(value) : value"
+        found = self._context.eval(f"JSON.stringify((({names}) => {expression})({values}), {plain})")
+        return json.loads(found)
+
+
+@cache
+def engine(law, body):
+    """The engine of a law on a chassis, which the tests of a process share."""
+    return Engine(law, body)
