@@ -38,6 +38,7 @@ from steer_env.vehicle.constants import GRAVITY
 from steer_env.vehicle.layout import size_of
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 from steer_env.vehicle.subsystems import car as whole_car
+from steer_env.vehicle.subsystems.machine_code import require_compiled
 
 PAGE = Path(__file__).parent / "page"
 MODULES = "modules"
@@ -112,6 +113,7 @@ def explore(
     if not friction or not chassis:
         raise ValueError("the page needs a friction law and a chassis")
     car = vehicle if isinstance(vehicle, Car) else cars.load(vehicle)
+    require_compiled("the page")
     files.usable(Path(folder), CONTENTS)
     wanted = [Combination(law, body) for body in dict.fromkeys(chassis) for law in dict.fromkeys(friction)]
     with files.replaced_directory(Path(folder), CONTENTS) as out:
