@@ -4,6 +4,7 @@ Validation on other episodes chooses the policy that is kept.
 """
 
 import argparse
+import sys
 
 from steer_env.experiments.cli.common import options
 from steer_env.experiments.cli.common.extras import OF_ALGORITHM, require
@@ -49,7 +50,7 @@ def run(args: argparse.Namespace) -> None:
 
     from steer_env.experiments.cli.common.policies import evaluate_and_report
     from steer_env.experiments.learning import policy, policy_report
-    from steer_env.experiments.learning.training import Training
+    from steer_env.experiments.learning.training import Training, kept
     from steer_env.experiments.pages.files import usable
     from steer_env.experiments.pages.options import progress
     from steer_env.friction.numerics.check import number
@@ -58,16 +59,20 @@ def run(args: argparse.Namespace) -> None:
     minutes = MINUTES if args.minutes is None else number("--minutes", args.minutes, minimum=0.0, above=True)
     if library and args.resume:
         raise ValueError("--library-defaults belongs to a new run; a resumed one keeps its settings: leave it out")
-    kept = {"seed": args.seed, "resume": args.resume, "friction": args.friction}
-    if args.resume and args.cost_budget is not None:
-        raise ValueError("a resumed run keeps its budget: leave --cost-budget out")
+    asked = {"seed": args.seed, "resume": args.resume, "friction": args.friction}
     if args.resume and car_options.given(args):
         raise ValueError("a resumed run keeps its car: leave --vehicle, --tyre and --set out")
     car = car_options.load(args).data() if car_options.given(args) else None
-    run = Training(args.env, args.algo, out, **kept, library=library, car=car, cost_budget=args.cost_budget)
+    run = Training(args.env, args.algo, out, **asked, library=library, car=car, cost_budget=args.cost_budget)
     usable(out / "report", policy_report.CONTENTS)
-    with progress("training") as notify:
-        run.run(None if args.steps else minutes, args.steps, notify)
+    try:
+        with progress("training") as notify:
+            run.run(None if args.steps else minutes, args.steps, notify)
+    except KeyboardInterrupt:
+        print(
+            f"steer-env: {out} holds the training up to step {kept(out)}; --resume goes on from there", file=sys.stderr
+        )
+        raise
     made = {**policy.conditions({"settings": run.settings}), "friction": run.friction.parameters}
     path = out / "policy.zip"
     curves = policy.learning_curves(path)

@@ -185,8 +185,10 @@ def finished(job: Job) -> dict[str, float]:
     }
     identity = json.loads(json.dumps(identity))  # with lists in place of tuples
     found = toml.read(kept, json.loads) if kept.is_file() else {**identity, "rewards": {}}
-    if any(found.get(key) != value for key, value in identity.items()):
-        raise ValueError(f"{kept} was made with other settings: give another folder, or delete it")
+    if others := [key for key, value in identity.items() if found.get(key) != value]:
+        raise ValueError(
+            f"{kept} was made with other settings ({', '.join(others)}): give another folder, or delete it"
+        )
     left = [law for law in job.laws if law not in found["rewards"]]
     if not left or "refused" in found:
         return dict(found["rewards"])

@@ -26,6 +26,7 @@ class Row(NamedTuple):
     steps: int  # of the training, at its end
     cost: float  # of an episode, estimated from the last rollouts [1]
     multiplier: float  # lambda after it [1]
+    budget: float  # of the cost of an episode [1]
 
 
 class PenalisedVecEnv(VecEnvWrapper):
@@ -84,7 +85,7 @@ class PenalisedVecEnv(VecEnvWrapper):
         taken, costs = zip(*self._rollouts)
         cost = length * float(np.average(costs, weights=taken))
         multiplier = max(self.multiplier + RATE * (cost / self._budget - 1.0), 0.0)
-        self.rows.append(Row(steps, cost, multiplier))
+        self.rows.append(Row(steps, cost, multiplier, self._budget))
 
     def get_state(self) -> dict[str, Any]:
         """What decides, beside the environment and between two rollouts, how it goes on; as JSON holds it."""

@@ -3,6 +3,7 @@
 import hashlib
 import json
 import math
+import re
 import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -288,8 +289,10 @@ def shipped_file(path: Path) -> bool:
 def check_id(env_id: str) -> None:
     """ValueError for an id that is not registered."""
     if env_id not in REGISTERED:
-        current = id_of(str(env_id).rpartition("-")[0].removeprefix("steer_env/"))
-        replaced = f"; it is replaced by {current}" if current in REGISTERED else ""
+        known = re.fullmatch(r"(steer_env/)?(\w+?)(-v\d+)?", str(env_id))
+        current = id_of(known[2]) if known else ""
+        words = "it is replaced by" if known and known[1] and known[3] else "did you mean"
+        replaced = f"; {words} {current}" if current in REGISTERED else ""
         raise ValueError(f"unknown environment {env_id!r}{replaced}; there are {', '.join(REGISTERED)}")
 
 

@@ -223,12 +223,19 @@ def _learning(curves: Mapping[str, Path], units: Mapping[str, str]) -> str:
     """A plot of the validation means of each run over the steps of training, and of its rollouts with a budget."""
     runs = {name: read_curve(path) for name, path in curves.items()}
     beside = {name: path.with_name(CONSTRAINT) for name, path in curves.items()}
-    bound = {name: read_curve(path, ("steps", "cost", "multiplier")) for name, path in beside.items() if path.is_file()}
+    bound = {
+        name: read_curve(path, ("steps", "cost", "multiplier", "budget"))
+        for name, path in beside.items()
+        if path.is_file()
+    }
     first = next(iter(runs.values()))
     wanted = [name for name in dict.fromkeys(("reward", aim(first), "cost")) if name in first]
     titled = [(label(name) + _bracketed(units.get(name, "1")), name, runs) for name in wanted]
     if bound:
         titled += [("cost, rollouts", "cost", bound), ("multiplier of the cost", "multiplier", bound)]
+    budgets = [
+        plots.Line(f"budget of {name}", run["steps"], run["budget"], "grey", "dash") for name, run in bound.items()
+    ]
     shown = [
         plots.Panel(
             "steps of training",
@@ -236,7 +243,8 @@ def _learning(curves: Mapping[str, Path], units: Mapping[str, str]) -> str:
             [
                 plots.Line(name.replace("_", " "), run["steps"], run[metric], colour)
                 for colour, (name, run) in zip(colours(of), of.items())
-            ],
+            ]
+            + (budgets if metric == "cost" else []),
         )
         for title, metric, of in titled
     ]

@@ -71,6 +71,11 @@ def load(out: Path) -> dict[str, Any]:
     return state
 
 
+def kept(out: Path) -> int:
+    """Steps from which a training goes on where it is resumed; 0 where it begins anew."""
+    return int(load(out)["steps"]) if (out / FOLDER / STATE).is_file() else 0
+
+
 def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     """Write a table, which appears or is replaced as a whole; nothing where there is no row."""
     if rows:
@@ -151,7 +156,8 @@ def settings(env_id: str, algo: str) -> dict[str, Any]:
     ``environment`` has arguments of make, ``algorithm`` those of the algorithm, and ``controller`` may have ``guard``,
     the caution of a guard around an assist (:mod:`steer_env.experiments.learning.guard`).
 
-    The settings of an id override those of all driver ids, which override those of all ids.
+    The settings of an id override those of all driver or all assist ids, which override those of all ids; what is drawn
+    does so name by name.
 
     Raises
     ------
@@ -159,19 +165,26 @@ def settings(env_id: str, algo: str) -> dict[str, Any]:
         For an unknown id or algorithm.
     """
     policy.algorithm(algo)
-    found: dict[str, Any] = {"environment": {}, "algorithm": {}, "controller": {}}
+    found: dict[str, Any] = {"environment": _environment(env_id), "algorithm": {}, "controller": {}}
     for given in _given(env_id):
-        for key in found:
-            found[key] |= given.get(algo if key == "algorithm" else key, {})
+        found["algorithm"] |= given.get(algo, {})
+        found["controller"] |= given.get("controller", {})
     return found
 
 
 def conditions(env_id: str) -> dict[str, Any]:
     """Arguments of make in the training of an id, except the control time: what it draws in every episode."""
+    return policy.conditions({"settings": {"environment": _environment(env_id)}})
+
+
+def _environment(env_id: str) -> dict[str, Any]:
+    """Arguments of make in the training of an id; of what is drawn, each file overrides the names that it has."""
     found: dict[str, Any] = {}
-    for given in _given(env_id):
-        found |= given.get("environment", {})
-    return policy.conditions({"settings": {"environment": found}})
+    drawn: dict[str, Any] = {}
+    for environment in (given.get("environment", {}) for given in _given(env_id)):
+        found |= environment
+        drawn |= environment.get("randomise", {})
+    return {**found, "randomise": drawn} if drawn else found
 
 
 def _given(env_id: str) -> list[dict[str, Any]]:
@@ -179,7 +192,8 @@ def _given(env_id: str) -> list[dict[str, Any]]:
     policy.check_id(env_id)
     name = env_id.removeprefix("steer_env/")
     folder = files(experiments) / "data" / "training"
-    paths = [folder / f"{file}.toml" for file in ("default", "driver" if name.startswith("Driver") else "", name)]
+    role = next((role for role in ("driver", "assist") if name.lower().startswith(role)), "")
+    paths = [folder / f"{file}.toml" for file in ("default", role, name)]
     return [toml.loads(path.read_text(encoding="utf-8")) for path in paths if path.is_file()]
 
 
@@ -331,6 +345,9 @@ class Training:
                         f"the checkpoint in {out} is of {key} {state[key]}, not {value}: resume with "
                         f"--{key} {state[key]}, or train in another directory"
                     )
+            budget = state["settings"]["algorithm"].get("cost_budget")
+            if cost_budget not in (None, budget):
+                raise ValueError(f"a resumed run keeps its cost_budget, here {budget}, got {cost_budget}")
             self.seconds, self._trained = state["seconds"], state["steps"]
             self.validated, self.next_validation = validated(out), state["next"]
         else:

@@ -5,7 +5,10 @@ from functools import partial
 import numpy as np
 import pytest
 
+from steer_env import assists
+from steer_env.experiments.learning import assist_suite, training
 from steer_env.registration import DRIVEN
+from tests.maintain import audit as command
 from tests.maintain.__main__ import run as maintain
 from tests.tools import audit
 from tests.tools.audit import Behaviour, Verdict
@@ -20,8 +23,65 @@ SHAKE = "shake before the release"
 
 @pytest.fixture
 def short(monkeypatch):
-    """Few episodes."""
+    """Few episodes, and one drive of the suite: weaves with LuGre."""
     monkeypatch.setattr(audit, "EPISODES", 2)
+    drives = assist_suite.suite(assist_suite.task_named(WEAVE))
+    monkeypatch.setattr(assist_suite, "suite", lambda *_: drives[:1])
+
+
+class Louder:
+    """LQG with ten times its action."""
+
+    def __init__(self, env):
+        self.lqg = assists.make("lqg", env)
+
+    def reset(self, rows=slice(None)):
+        """Forget episodes."""
+        self.lqg.reset(rows)
+
+    def act(self, observation):
+        return np.clip(10.0 * self.lqg.act(observation), -1.0, 1.0)
+
+
+def test_an_assist_that_scores_more_is_driven_through_the_suite(short, monkeypatch):
+    conditions = 6  # six variants of the weave
+    assert audit.suite(WEAVE, partial(assists.make, "lqg")) == (0, conditions)
+    failed, driven = audit.suite(WEAVE, Louder)
+    assert driven == conditions
+    assert failed > 2
+    assert audit.suite("steer_env/DriverOnCentre-v2", Louder) == (0, 0)
+    monkeypatch.setattr(audit, "baselines", lambda env_id: {})
+    found = {one.policy: one for one in audit.audit(RELEASE, SMALL, weights=RETURN_ALONE)}
+    for one in found.values():
+        assert one.driven == (conditions if one.found.reward > one.best.reward else 0)
+    assert found[SHAKE].driven
+
+
+def test_the_search_is_under_the_conditions_of_the_training(short, monkeypatch):
+    made = []
+
+    def behaved(env_id, make, *, remembers, **arguments):
+        made.append(arguments)
+        return Behaviour(0.0, 0.0, 0.0, 0.0, 0.0)
+
+    monkeypatch.setattr(audit, "behaviour", behaved)
+    audit.audit(WEAVE, SMALL)
+    assert made
+    assert all(each == training.conditions(WEAVE) for each in made)
+
+
+@pytest.mark.parametrize(
+    ("reward", "failed", "unstable", "words"),
+    [
+        (1.1, 3, True, "FAILS in 3 of 6 conditions of the suite"),
+        (1.1, 0, False, "honest, holds in the suite"),
+    ],
+)
+def test_who_scores_more_must_hold_in_the_suite(reward, failed, unstable, words):
+    best = Behaviour(reward=1.0, failures=0.0, ripple=0.08, aim=1.0, cones=0.0)
+    verdict = Verdict("id", "policy", best._replace(reward=reward), best, "best", (), failed, 6)
+    assert (verdict.cheats, verdict.unstable) == (False, unstable)
+    assert command._words(verdict) == words
 
 
 def test_a_reward_that_pays_for_shaking_is_found_out(short, monkeypatch):

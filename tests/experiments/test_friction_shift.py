@@ -121,7 +121,7 @@ def test_what_is_finished_is_taken_and_other_settings_are_refused(small, tmp_pat
     partly = friction_shift.collect(tmp_path, ["small"], ["one-law"], 3, laws, 2, training_allowed=False)
     assert partly == first
     monkeypatch.setattr(friction_shift, "CANDIDATES", {"small": small._replace(steps=65)})
-    with pytest.raises(ValueError, match=r"small\.one-law\.0\.json was made with other settings"):
+    with pytest.raises(ValueError, match=r"small\.one-law\.0\.json was made with other settings \(case\)"):
         friction_shift.collect(tmp_path, ["small"], ["one-law"], 1, laws, 2)
 
 

@@ -247,7 +247,7 @@ def test_policies():
     assert [line.partition("<value>")[0] for line in found] == [line.partition("<value>")[0] for line in pinned]
 
 
-APART = ("synthetic", "time", "policies", "tuning")  # see test_synthetic.py, above, and below
+APART = ("synthetic", "time", "page", "policies", "tuning")  # see test_synthetic.py, above, and below; page is time
 LONG = ("assist", "column", "linear", "power", "straight")
 
 

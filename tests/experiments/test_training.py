@@ -6,17 +6,20 @@ import shutil
 import subprocess
 import sys
 import zipfile
+from functools import partial
 
 import gymnasium as gym
 import numpy as np
 import pytest
 import stable_baselines3
 
+from steer_env import assists
 from steer_env.experiments.cli.main import main
-from steer_env.experiments.learning import held_out, policy, policy_report, shift, training
+from steer_env.experiments.learning import assist_suite, held_out, policy, policy_report, shift, training
 from steer_env.experiments.learning.constants import SHIFTS
 from steer_env.experiments.learning.training import Training, settings
 from steer_env.experiments.pages.options import Friction
+from steer_env.registration import DRIVEN, id_of
 from steer_env.vehicle import cars
 from tests.experiments.first_screen import sentence
 
@@ -530,7 +533,7 @@ def test_speeds_of_scenarios_are_not_replaced(tmp_path, capsys):
     assert (
         main(["policy", "shift", str(run.out / "policy.zip"), "--over", "speed", "--out", str(tmp_path / "shift")]) == 2
     )
-    assert "takes no other speed: give another condition with --over" in capsys.readouterr().err
+    assert "has nothing to replace for --over speed" in capsys.readouterr().err
 
 
 @pytest.mark.whole
@@ -563,6 +566,10 @@ def test_shift_over_everything(trained, tmp_path):
         (["policy", "evaluate", "boost", "--env", WEAVE, "--out", "file"], "file is a file: give a directory"),
         (["policy", "evaluate", "boost", "boost", "--env", WEAVE], "'boost' is given twice"),
         (["policy", "evaluate", "boost"], "--env must name the environment"),
+        (["policy", "evaluate", "."], r"\. is a folder: give the policy\.zip in it"),
+        (["policy", "suite", ".", "--env", WEAVE], r"\. is a folder: give the policy\.zip in it"),
+        (["train", "--env", "AssistWeave-v2"], "; did you mean steer_env/AssistWeave-v2;"),
+        (["train", "--env", "steer_env/AssistWeave"], "; did you mean steer_env/AssistWeave-v2;"),
         (["policy", "shift", "lqg"], "a baseline, which was not trained"),
         (["train", "--env", WEAVE, "--resume", "--library-defaults"], "a resumed one keeps its settings: leave it out"),
         (["policy", "shift", "weave"], "'weave' is no policy: give a policy.zip"),
@@ -587,6 +594,28 @@ def test_bad_commands(arguments, message, tmp_path, monkeypatch, capsys):
     assert [path.name for path in tmp_path.iterdir()] == ["file"]  # nothing written
 
 
+def test_an_interrupted_training_tells_from_where_it_goes_on(trained, monkeypatch, capsys):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Training, "run", interrupted)
+    assert main(["train", "--env", WEAVE, "--resume", "--out", str(trained)]) == 130
+    assert "run holds the training up to step 8192; --resume goes on from there" in capsys.readouterr().err
+
+
+def test_a_resumed_training_keeps_its_budget(trained):
+    with pytest.raises(ValueError, match=r"keeps its cost_budget, here None, got 1\.0"):
+        Training(WEAVE, None, trained, resume=True, cost_budget=1.0)
+
+
+def test_the_suite_warns_of_a_policy_that_is_not_shipped(trained, monkeypatch, capsys):
+    monkeypatch.setattr(assist_suite, "examine_all", lambda *_: {})
+    assert main(["policy", "suite", str(trained / "policy.zip")]) == 0
+    assert "caution" in capsys.readouterr().err
+    assert main(["policy", "suite", "shipped", "--env", WEAVE]) == 0
+    assert "caution" not in capsys.readouterr().err
+
+
 def test_files_of_others_are_refused(tmp_path):
     with zipfile.ZipFile(tmp_path / "other.zip", "w") as archive:
         archive.writestr("data", "{}")
@@ -606,6 +635,59 @@ def test_settings_of_an_id_stand_over_the_common_ones():
     assert found["environment"]["control_dt"] == 0.05  # of all drivers
     assert found["environment"]["randomise"]["road_friction"] == [0.8, 1.0]  # its own
     assert found["algorithm"]["net_arch"] == [64, 64]  # of all ids
-    assert settings("steer_env/AssistParking-v2", "ppo")["environment"] == {"control_dt": 0.01}
+    assert settings("steer_env/DriverParking-v2", "ppo")["environment"] == {"control_dt": 0.05}  # draws nothing
     with pytest.raises(ValueError, match="unknown algorithm 'dqn'"):
         settings(WEAVE, "dqn")
+
+
+@pytest.mark.parametrize("env_id", [each for each in DRIVEN if each.startswith("steer_env/Assist")])
+def test_an_assist_is_trained_at_the_margins(env_id):
+    """More gain, delay and lag than usual: what earns by a gain that the loop hardly bears loses it here."""
+    drawn = training.conditions(env_id)["randomise"]
+    for name, low, high in [("action_gain", 0.7, 1.6), ("delay", 0.0, 0.02), ("action_lag", 0.0, 0.01)]:
+        assert drawn[name][0] <= low, name
+        assert drawn[name][1] >= high, name
+    gym.make(env_id, **training.conditions(env_id)).close()  # the environment takes them
+    assert settings(env_id, "ppo")["controller"] == {"guard": 1.0}
+
+
+def test_ranges_of_an_id_stand_beside_those_of_all_assists():
+    weave, all_round = (
+        training.conditions(f"steer_env/{name}-v2")["randomise"] for name in ("AssistWeave", "AssistAllRound")
+    )
+    assert weave["speed"] == [22, 33]  # its own
+    assert (weave["delay"], all_round["delay"]) == ([0.0, 0.02], [0.0, 0.03])  # its own, and of all
+    assert weave["load"] == all_round["load"] == [0, 300]  # of all
+
+
+@pytest.mark.parametrize("env_id", [id_of("AssistWeave"), id_of("AssistAllRound")])
+def test_a_shipped_assist_knows_no_condition_that_is_no_longer_drawn(env_id):
+    drawn = training.conditions(env_id)["randomise"]
+    for name, (low, high) in policy.conditions(policy.about(policy.shipped(env_id)))["randomise"].items():
+        assert drawn[name][0] <= low, name
+        assert drawn[name][1] >= high, name
+
+
+class Louder:
+    """LQG whose action is multiplied."""
+
+    def __init__(self, times, env):
+        self._lqg, self._times = assists.make("lqg", env), times
+
+    def reset(self, rows=slice(None)):
+        self._lqg.reset(rows)
+
+    def act(self, observation):
+        return np.clip(self._times * self._lqg.act(observation), -1.0, 1.0).astype(np.float32)
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize("name", ["AssistLaneKeeping", "AssistLaneChange"])
+def test_a_loop_gain_without_margins_pays_only_where_no_margin_is_drawn(name):
+    """Held-out episodes, paired, LQG with three times its action less LQG."""
+    gained = {}
+    for where, arguments in [("default", {}), ("training", training.conditions(id_of(name)))]:
+        one, thrice = (held_out.collect(id_of(name), partial(Louder, times), 32, **arguments) for times in (1.0, 3.0))
+        gained[where] = held_out.differences(thrice, one)["reward"]
+    assert gained["default"].low > 0.0
+    assert gained["training"].high < 0.0

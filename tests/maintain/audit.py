@@ -1,16 +1,21 @@
 """Search for policies that a reward pays for and nobody wants.
 
-The exit code is 1 where one is found.
+An assist that scores more than the best classical controller is driven through the suite for assists. The exit code is
+1 where a policy scores more and behaves worse, or fails the suite.
 """
 
 import argparse
 from collections.abc import Sequence
 from operator import itemgetter
+from typing import TYPE_CHECKING
 
 from steer_env.experiments.cli.common import options
 from steer_env.experiments.cli.common.extras import require
 from steer_env.experiments.cli.common.sweeping import add_sweep, runner
 from steer_env.registration import DRIVEN
+
+if TYPE_CHECKING:
+    from tests.tools.audit import Verdict
 
 GROUP = "Maintain the package"
 
@@ -50,21 +55,33 @@ def run(args: argparse.Namespace) -> int:
         title="Audit",
         title_justify="left",
     )
-    cheating = False
+    wanted = True
     sweep = runner(args)
     with progress("searching") as notify:
         cases = [(env_id, Budget(rounds=args.rounds, steps=args.steps), args.seed) for env_id in args.env]
         for (env_id, *_), verdicts in zip(cases, sweep(audited, cases, notify=notify, words=itemgetter(0))):
             name = env_id.removeprefix("steer_env/")
-            table.add_row(name, f"best: {verdicts[0].best_name}", *_cells(verdicts[0].best), "")
+            best = None
             for verdict in verdicts:
-                text = f"CHEATS in {', '.join(verdict.worse_in)}" if verdict.cheats else "honest"
-                table.add_row("", verdict.policy, *_cells(verdict.found), text)
-                cheating |= verdict.cheats
+                if verdict.best != best:  # of the known cheats, then of the searches
+                    best = verdict.best
+                    table.add_row(name, f"best: {verdict.best_name}", *_cells(best), "")
+                table.add_row("", verdict.policy, *_cells(verdict.found), _words(verdict))
+                wanted &= not (verdict.cheats or verdict.unstable)
             table.add_section()
     console().print(table)
     print("aim: rms of what the task is about, in its unit; a policy cheats if it scores more and behaves worse")
-    return int(cheating)
+    return int(not wanted)
+
+
+def _words(verdict: "Verdict") -> str:
+    """A verdict in words."""
+    words = []
+    if verdict.cheats:
+        words.append(f"CHEATS in {', '.join(verdict.worse_in)}")
+    if verdict.unstable:
+        words.append(f"FAILS in {verdict.failed} of {verdict.driven} conditions of the suite")
+    return "; ".join(words) or ("honest, holds in the suite" if verdict.driven else "honest")
 
 
 def _cells(found: Sequence[float]) -> list[str]:

@@ -1,8 +1,9 @@
 """Audit of the rewards: does anything that scores more than the classical controllers behave worse than they do?
 
 A policy cheats if its reward is above that of the best classical controller while its behaviour is worse: more ripple
-in the hands, more failures, or a larger error in what the task is about. Policies are searched for, and policies that
-once cheated are tried again: :data:`CHEATS`.
+in the hands, more failures, or a larger error in what the task is about. Policies are searched for under the conditions
+that the training of the id draws; policies that once cheated (:data:`CHEATS`) are tried again at its default settings.
+An assist that scores more is driven through the suite for assists, as a reward does not know all margins of stability.
 """
 
 from collections.abc import Callable, Mapping
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from steer_env import tasks
 from steer_env.episode.timing import UPDATE_INTERVAL
-from steer_env.experiments.learning import held_out, policy
+from steer_env.experiments.learning import assist_suite, held_out, policy, training
 from steer_env.experiments.learning.controllers import ZeroAction, baselines
 from tests.tools.policy_search import Budget, LinearPolicy, ModelPolicy, cross_entropy, plain_ppo
 
@@ -45,11 +46,18 @@ class Verdict(NamedTuple):
     best: Behaviour  # of the classical controllers and zero action, by reward
     best_name: str
     worse_in: tuple[str, ...]  # if its reward is higher
+    failed: int = 0  # conditions of the suite for assists in which it fails
+    driven: int = 0  # conditions of the suite; 0 for a driver, and for an assist that scores no more
 
     @property
     def cheats(self) -> bool:
         """Whether it scores more and behaves worse."""
         return self.found.reward > self.best.reward and bool(self.worse_in)
+
+    @property
+    def unstable(self) -> bool:
+        """Whether it scores more and fails the suite."""
+        return self.found.reward > self.best.reward and self.failed > 0
 
 
 class Held:
@@ -148,28 +156,46 @@ def worse_in(found: Behaviour, best: Behaviour) -> tuple[str, ...]:
     return tuple(name for name, worse in judged.items() if worse)
 
 
+def suite(env_id: str, make: Callable[[Any], Any]) -> tuple[int, int]:
+    """Conditions of the suite for assists in which a controller fails, and all of them; none for a driver."""
+    if not policy.check_driven(env_id).startswith("Assist"):
+        return 0, 0
+    held = [result.holds for result in assist_suite.examine(make, env_id)]
+    return held.count(False), len(held)
+
+
 def audited(case: tuple[str, Budget, int]) -> list[Verdict]:
     """:func:`audit` with its arguments as one, for sweeps."""
     return audit(*case)
 
 
 def audit(env_id: str, budget: Budget, seed: int = 0, **arguments: Any) -> list[Verdict]:
-    """Every known cheat that fits an id, and what the searches find, beside the best classical controller."""
-    classical: dict[str, Callable[[Any], Any]] = {
-        "zero action": ZeroAction,
-        **baselines(env_id),
+    """Every known cheat that fits an id, and what the searches find, beside the best classical controller.
+
+    Known cheats drive at the default settings, as a lag of the actuator hides a shake; the searches, and what they are
+    compared with, under the conditions that the training draws. ``arguments`` of make stand over both.
+    """
+    drawn = {**training.conditions(env_id), **arguments}
+    weights = cross_entropy(env_id, budget, seed, **drawn)
+    searched: dict[str, Callable[[Any], Any]] = {
+        "linear, cross-entropy method": lambda env: LinearPolicy(env, weights),
     }
+    if budget.steps > 0:
+        searched["PPO, defaults"] = partial(ModelPolicy, plain_ppo(env_id, budget, seed, **drawn))
+    return [*_beside(env_id, cheats_for(env_id), **arguments), *_beside(env_id, searched, **drawn)]
+
+
+def _beside(env_id: str, tried: Mapping[str, Callable[[Any], Any]], **arguments: Any) -> list[Verdict]:
+    """Policies beside the best classical controller in the same episodes."""
+    if not tried:
+        return []
+    classical: dict[str, Callable[[Any], Any]] = {"zero action": ZeroAction, **baselines(env_id)}
     scores = {name: behaviour(env_id, make, remembers=True, **arguments) for name, make in classical.items()}
     best_name = max(scores, key=lambda name: scores[name].reward)
     best = scores[best_name]
-    tried: dict[str, Callable[[Any], Any]] = dict(cheats_for(env_id))
-    weights = cross_entropy(env_id, budget, seed, **arguments)
-    tried["linear, cross-entropy method"] = lambda env: LinearPolicy(env, weights)
-    if budget.steps > 0:
-        model = plain_ppo(env_id, budget, seed, **arguments)
-        tried["PPO, defaults"] = lambda _: ModelPolicy(model)
     verdicts = []
     for name, make in tried.items():
         found = behaviour(env_id, make, remembers=False, **arguments)
-        verdicts.append(Verdict(env_id, name, found, best, best_name, worse_in(found, best)))
+        driven = suite(env_id, make) if found.reward > best.reward else (0, 0)
+        verdicts.append(Verdict(env_id, name, found, best, best_name, worse_in(found, best), *driven))
     return verdicts

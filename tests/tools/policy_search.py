@@ -26,6 +26,12 @@ class Budget(NamedTuple):
     steps: int = 100_000  # of PPO, summed over its sub-environments
 
 
+def over_usual(env: Any) -> Array:
+    """Factors (O,) on the observations of an environment that make them multiples of their usual sizes."""
+    factors: Array = env.unwrapped.observation_scale / np.array([each.usual for each in env.unwrapped.batch.observed])
+    return factors
+
+
 class LinearPolicy:
     """A policy whose action is a weighted sum of the scaled observations, clipped.
 
@@ -38,9 +44,7 @@ class LinearPolicy:
     """
 
     def __init__(self, env: Any, weights: Array) -> None:
-        batch = env.unwrapped.batch
-        factors = getattr(env.unwrapped, "observation_scale", 1.0)
-        self._scale = factors / np.array([quantity.usual for quantity in batch.observed])
+        self._scale = over_usual(env)
         self.weights = weights
 
     def reset(self, rows: Any = slice(None)) -> None:
@@ -76,7 +80,7 @@ def cross_entropy(env_id: str, budget: Budget, seed: int = 0, **arguments: Any) 
 
 
 def plain_ppo(env_id: str, budget: Budget, seed: int = 0, **arguments: Any) -> Any:
-    """A model of PPO with the defaults of Stable-Baselines3, trained at the id's default settings."""
+    """A model of PPO with the defaults of Stable-Baselines3."""
     import torch
     from stable_baselines3 import PPO
 
@@ -89,14 +93,14 @@ def plain_ppo(env_id: str, budget: Budget, seed: int = 0, **arguments: Any) -> A
 
 
 class ModelPolicy:
-    """The deterministic policy of a model of Stable-Baselines3."""
+    """The deterministic policy of a model of Stable-Baselines3, which saw observations over their usual sizes."""
 
-    def __init__(self, model: Any) -> None:
-        self._model = model
+    def __init__(self, model: Any, env: Any) -> None:
+        self._model, self._scale = model, over_usual(env)
 
     def reset(self, rows: Any = slice(None)) -> None:
         """A policy without recurrence remembers nothing."""
 
     def act(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
         """Action (1,) for an observation (O,), or (n, 1) for (n, O)."""
-        return self._model.predict(observation, deterministic=True)[0]
+        return self._model.predict(observation * self._scale, deterministic=True)[0]

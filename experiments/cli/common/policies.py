@@ -2,15 +2,38 @@
 
 import argparse
 import sys
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from steer_env.experiments.cli.common import inputs
+from steer_env.experiments.cli.common.options import SHIPPED
 
 if TYPE_CHECKING:
     from steer_env.experiments.sweep import Runner
+
+
+def env_id_of(given: str | None, controllers: Sequence[str]) -> str:
+    """The id that ``--env`` gives, or else that of the first policy.zip among the controllers.
+
+    Raises
+    ------
+    ValueError
+        Where neither is given, or a controller is a folder.
+    """
+    from steer_env.experiments.learning import policy
+    from steer_env.experiments.learning.controllers import SIMPLE, is_policy
+    from steer_env.experiments.learning.controllers import baselines as of_id
+
+    own = next((name for name in controllers if is_policy(name) and name != SHIPPED), None)
+    known: Collection[str] = SIMPLE if given is None else {**SIMPLE, **of_id(given)}
+    folder = next((name for name in controllers if name not in known and Path(name).is_dir()), None)
+    if folder is not None:
+        raise ValueError(f"{folder} is a folder: give the policy.zip in it")
+    if given is None and own is None:
+        raise ValueError("--env must name the environment where no policy.zip is given")
+    return given or str(policy.about(Path(str(own)))["env"])
 
 
 def caution(path: Path, about: Mapping[str, Any]) -> None:
@@ -73,6 +96,7 @@ def evaluate_and_report(
     controllers = {**controllers, **{k: v for k, v in baselines(env_id).items() if k not in controllers}}
     with progress("evaluating") as notify:
         found = policy_report.evaluate(env_id, controllers, args.episodes, notify, sweep=sweep or run, **made)
-    print_estimates(found.values, found.units, f"{env_id}, {args.episodes} held-out episodes")
+    words = "".join(f", {name} {value}" for name, value in policy_report.conditions(made).items())
+    print_estimates(found.values, found.units, f"{env_id}, {args.episodes} held-out episodes{words}")
     policy_report.write(out, found, controllers, curves, trace(args, made))
     print(out / "index.html")

@@ -37,14 +37,11 @@ def run(args: argparse.Namespace) -> None:
     if any(map(is_policy, args.file)):
         require("train", "evaluating a policy")
 
-    from steer_env.experiments.cli.common.policies import evaluate_and_report
+    from steer_env.experiments.cli.common.policies import env_id_of, evaluate_and_report
     from steer_env.experiments.learning import policy, policy_report
     from steer_env.experiments.pages.files import usable
 
-    own = next((name for name in args.file if is_policy(name) and name != SHIPPED), None)
-    if args.env is None and own is None:
-        raise ValueError("--env must name the environment where no policy.zip is given")
-    env_id = args.env or policy.about(Path(own))["env"]  # type: ignore[arg-type]
+    env_id = env_id_of(args.env, args.file)
     policy.check_driven(env_id)
     sweep = runner(args)
     usable(args.out, policy_report.CONTENTS)

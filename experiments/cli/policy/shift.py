@@ -62,7 +62,8 @@ def run(args: argparse.Namespace) -> None:
         asked = {over: shifted.changes(over, about["env"], home, args.friction or (), own) for over in args.over}
         chosen = {over: changes for over, changes in asked.items() if changes}
         if not chosen:
-            raise ValueError(f"{about['env']} takes no other {' or '.join(asked)}: give another condition with --over")
+            words = " or ".join(asked)
+            raise ValueError(f"{about['env']} has nothing to replace for --over {words}: give another condition")
         found = shifted.collect(path, chosen, args.episodes, notify, sweep)
     title = f"{found.env_id}, {args.episodes} held-out episodes: means ± half the 95 % interval"
     rows = {shifted.HOME: {found.trained: found.home}, **found.cells}

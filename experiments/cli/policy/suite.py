@@ -4,7 +4,6 @@ The exit code is 1 where one is unstable.
 """
 
 import argparse
-from pathlib import Path
 
 from steer_env.experiments.cli.common import names, options
 from steer_env.experiments.cli.common.options import SHIPPED
@@ -30,24 +29,23 @@ def add(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print the results, and write them where --out says; the exit code."""
     from steer_env.experiments.cli.common.extras import require
-    from steer_env.experiments.learning.controllers import is_policy, named
+    from steer_env.experiments.learning.controllers import is_policy, named, path_of
 
     controllers = args.controllers or [*names.assists()]
     policies = [name for name in controllers if is_policy(name)]
     if policies:
         require("train", "evaluating a policy")
 
-    from steer_env.experiments.cli.common.policies import trace
+    from steer_env.experiments.cli.common.policies import caution, env_id_of, trace
     from steer_env.experiments.cli.common.tables import print_suite
     from steer_env.experiments.learning import assist_suite, policy
     from steer_env.experiments.pages.files import write_json
     from steer_env.experiments.pages.options import progress
 
-    own = next((name for name in policies if name != SHIPPED), None)
-    if args.env is None and own is None:
-        raise ValueError("--env must name the environment where no policy.zip is given")
-    env_id = args.env or policy.about(Path(str(own)))["env"]
+    env_id = env_id_of(args.env, controllers)
     assist_suite.task_named(env_id)
+    for path in (path_of(name, env_id) for name in policies):
+        caution(path, policy.about(path))
     makers = {name: named(name, env_id) for name in controllers}
     car = car_options.load(args) if car_options.given(args) else None
     with progress("driving") as notify:
