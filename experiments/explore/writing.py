@@ -11,6 +11,7 @@ import sys
 import zlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib import metadata
 from inspect import getdoc
 from pathlib import Path
@@ -22,7 +23,6 @@ from scipy import signal
 from steer_env import metrics
 from steer_env.experiments.explore import module, packing, parameters
 from steer_env.experiments.pages import files, words
-from steer_env.experiments.pages.style import PALETTE
 from steer_env.friction.law import LAWS
 from steer_env.friction.numerics.check import one_of
 from steer_env.friction.numerics.packing import Leaf, leaves, slices
@@ -38,11 +38,12 @@ from steer_env.vehicle.constants import GRAVITY
 from steer_env.vehicle.layout import size_of
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 from steer_env.vehicle.subsystems import car as whole_car
+from steer_env.vehicle.subsystems.machine_code import require_compiled
 
 PAGE = Path(__file__).parent / "page"
 MODULES = "modules"
 CONTENTS = frozenset((*(file.name for file in PAGE.iterdir()), MODULES, "declared.js", "tables.js"))
-LAWS_SHOWN = ("lugre", "masing", "dahl", "coulomb", "viscous")  # by default; each takes a minute to compile, once
+LAWS_SHOWN = ("lugre", "masing", "dahl", "coulomb", "viscous")  # by default; each is compiled for a while, once
 LARGE = 1000  # numbers from which on a table is written once for all modules
 RATE = 1.0 / SAMPLE_TIME  # [Hz]
 _OF_LOOP = ("column.", "assist.")  # parameters on which the stability of the assist's loop depends
@@ -112,6 +113,7 @@ def explore(
     if not friction or not chassis:
         raise ValueError("the page needs a friction law and a chassis")
     car = vehicle if isinstance(vehicle, Car) else cars.load(vehicle)
+    require_compiled("the page")
     files.usable(Path(folder), CONTENTS)
     wanted = [Combination(law, body) for body in dict.fromkeys(chassis) for law in dict.fromkeys(friction)]
     with files.replaced_directory(Path(folder), CONTENTS) as out:
@@ -207,7 +209,8 @@ def _field(q: parameters.Parameter) -> dict[str, Any]:
 
 def declared(car: Car, wanted: Sequence[Combination]) -> dict[str, Any]:
     """What the page knows of the program: the car, laws and chassis, the weave, the metrics and what drivers notice."""
-    weave = make_manoeuvre("weave")
+    weave, read = make_manoeuvre("weave"), metrics.evaluation_by_name("weave").read
+    assert isinstance(read, partial)  # of the loops, with how many cycles they need
     return {
         "version": metadata.version("steer-env"),
         "car": {"name": car.name, "description": car.description},
@@ -215,11 +218,10 @@ def declared(car: Car, wanted: Sequence[Combination]) -> dict[str, Any]:
         "chassis": list(dict.fromkeys(each.chassis for each in wanted)),
         "modules": {f"{each.law} {each.chassis}": each.file for each in wanted},
         "beginnings": {each.chassis: _beginning(each.chassis) for each in wanted},
-        "colours": list(PALETTE),
         "weave": {
             "frequency": weave.frequency,
             "cycles": round(weave.duration * (weave.frequency or 1.0)),
-            "fewest": 3,
+            "fewest": read.keywords["fewest"],
             "movingCycles": MOVING_CYCLES,
             "movingFewest": MOVING_FEWEST,
             "target": weave.lateral_acceleration,

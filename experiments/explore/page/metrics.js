@@ -9,7 +9,8 @@
 
 /** @typedef {{b: number[], a: number[], zi: number[], cutoff: number}} LowPass a section of second order, its start */
 /** @typedef {{rate: number, gravity: number, smooth: LowPass, sharp: LowPass, samplesPerCutoff: number, samples: number,
- *             window: Record<string, number>, fewestInWindow: number, spread: number, endSlack: number}} LoopConstants */
+ *             window: Record<string, number>, fewestInWindow: number, spread: number, endSlack: number,
+ *             frequencySpread: number}} LoopConstants */
 /** @typedef {Record<string, Float64Array>} Channels */
 
 /** @param {LoopConstants} constants */
@@ -112,7 +113,7 @@ function steerMetrics(constants) {
     }
     if (starts.length < 2) throw new Refused("no whole cycle of the handwheel angle");
     const period = median(starts.slice(1).map((t, i) => t - starts[i]));
-    if (Math.abs(period * frequency - 1) > 0.1) throw new Refused("the handwheel does not follow its frequency");
+    if (Math.abs(period * frequency - 1) > constants.frequencySpread) throw new Refused("the handwheel does not follow its frequency");
     const last = time(angle.length - 1);
     for (const end of [starts[0] - period, starts[starts.length - 1] + period]) {
       const inside = Math.min(Math.max(end, time(0)), last);

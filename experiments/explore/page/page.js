@@ -23,6 +23,7 @@ async function steerDeclared(declared) {
     status.classList.add("refusal");
     return;
   }
+  const sentence = (/** @type {string} */ words) => `${words[0].toUpperCase()}${words.slice(1)}.`;
   const spaced = (/** @type {string} */ name) => name.replaceAll("_", " ");
   const address = steerAddress(), pictures = steerPictures();
   const table = steerTable(find("metrics"), declared.metrics, declared.noticed);
@@ -126,12 +127,13 @@ async function steerDeclared(declared) {
     main.classList.toggle("stale", Boolean(answer.failed));
     if (answer.failed) {
       amplitude = FIRST;
-      status.textContent = answer.unstable ||
-        `no handwheel amplitude reaches ${declared.weave.target} m/s² with these values`;
+      status.textContent = sentence(answer.unstable ||
+        `no handwheel amplitude reaches ${declared.weave.target} m/s² with these values`);
       status.classList.add("refusal");
       return;
     }
-    status.textContent = answer.unstable ? `${answer.unstable}. No metric is read from such a weave.` : notice;
+    status.textContent = answer.unstable
+      ? `${notice} ${sentence(answer.unstable)} No metric is read from such a weave.`.trim() : notice;
     status.classList.toggle("refusal", answer.unstable !== "");
     if (answer.next > 0 && answer.next < MOST) amplitude = answer.exact ? answer.amplitude : answer.next;
     latest = answer;

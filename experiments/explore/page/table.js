@@ -75,7 +75,7 @@ function steerTable(host, entries, noticed) {
       const label = cell("th", entry.label);
       label.setAttribute("scope", "row");
       label.title = entry.definition;
-      const unit = entry.unit === "1" ? "" : ` ${entry.unit}`, shown = cell("td", `${written(value)}${unit}`, "value");
+      const unit = entry.unit === "1" || !Number.isFinite(value) ? "" : ` ${entry.unit}`, shown = cell("td", `${written(value)}${unit}`, "value");
       if (!Number.isFinite(value)) shown.title = measured.reasons[entry.name] ?? "";
       row.append(label, shown, bar(entry, value));
       for (const name of names) row.append(compared(entry, pins[name].values[entry.name], value));

@@ -1,7 +1,7 @@
 """The scripts of the page without a page: run by V8, the engine of Chromium, in this process."""
 
 import json
-from functools import cache
+from functools import lru_cache
 
 from py_mini_racer import MiniRacer
 
@@ -49,7 +49,7 @@ class Engine:
         return json.loads(found)
 
 
-@cache
+@lru_cache(2)
 def engine(law, body):
-    """The engine of a law on a chassis, which the tests of a process share."""
+    """The engine of a law on a chassis; the last two are kept, as several tests in a row need them."""
     return Engine(law, body)

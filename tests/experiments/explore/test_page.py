@@ -46,8 +46,11 @@ def test_metrics_are_those_of_python(page, browser):
 
 
 def test_a_weave_of_an_unstable_assist_loop_has_no_metrics(page, browser):
-    browser.open(address(page, **UNSTABLE))
-    browser.until("document.getElementById('status')?.textContent.includes('the assist loop is unstable')")
+    browser.open(address(page, **UNSTABLE, **{"friction.F_c": 0}))
+    told = browser.until(f"{READY} && document.getElementById('status').textContent")
+    assert told.startswith(
+        "F_c must be finite and greater than 0, got 0; left as the car has it. The assist loop is unstable"
+    )
     assert not browser.value("Object.values(steerShown.answer?.values ?? {}).some(Number.isFinite)")
 
 

@@ -10,8 +10,8 @@ from steer_env.manoeuvres.common import driving
 from steer_env.vehicle import cars, plant
 from steer_env.vehicle.steering import stability
 from tests.experiments.explore.cases import CHANGED, EACH, QUICK, evaluated
+from tests.experiments.explore.engine import engine
 
-pytest.importorskip("py_mini_racer")
 AMPLITUDE, CYCLES = 0.3, 2
 # As the worker of the page drives and reads the whole weave.
 ANSWER = """{
@@ -22,12 +22,6 @@ ANSWER = """{
 }"""
 
 
-def running(law, body):
-    from tests.experiments.explore.engine import engine
-
-    return engine(law, body)
-
-
 @pytest.mark.parametrize(("law", "body"), EACH)
 def test_channels_are_those_of_the_native_plant(law, body):
     p, weave = cars.load("compact").plant(law, robot=True, chassis=body), manoeuvres.make("weave")
@@ -35,7 +29,7 @@ def test_channels_are_those_of_the_native_plant(law, body):
     u = driving.inputs(weave, AMPLITUDE, CYCLES / weave.frequency)
     native = driving.run(p, weave, u)
     drive = "whole(simulation.drive(car, Float64Array.from(structure.numbers), weave, amplitude, cycles, names))"
-    found = running(law, body).value(drive, amplitude=AMPLITUDE, cycles=CYCLES, names=names)
+    found = engine(law, body).value(drive, amplitude=AMPLITUDE, cycles=CYCLES, names=names)
     assert np.ptp(native[:, plant.CHANNEL["handwheel_torque"]]) > 1.0
     for name, values in zip(names, native.T):
         assert np.abs(np.array(found[name]) - values).max() <= 1e-10 * np.ptp(values), name
@@ -43,7 +37,7 @@ def test_channels_are_those_of_the_native_plant(law, body):
 
 @pytest.mark.parametrize(("law", "body"), QUICK)
 def test_modules_import_nothing(law, body):
-    assert running(law, body).value("imports") == []
+    assert engine(law, body).value("imports") == []
 
 
 @pytest.mark.parametrize(("law", "body"), EACH)
@@ -57,9 +51,9 @@ def test_metrics_of_a_changed_car_are_those_of_python():
 
 def require_equal(law, body, changed):
     """Every metric of the page is that of Python but for rounding, and refused where that is refused."""
-    engine = running(law, body)
-    values = {q["name"]: q["value"] for q in engine.structure["parameters"]} | changed
-    found, expected = engine.value(ANSWER, values=values), evaluated(law, body, changed)
+    made = engine(law, body)
+    values = {q["name"]: q["value"] for q in made.structure["parameters"]} | changed
+    found, expected = made.value(ANSWER, values=values), evaluated(law, body, changed)
     assert set(found) == set(expected)
     for name, value in expected.items():
         shown = np.nan if found[name] is None else found[name]
@@ -71,7 +65,7 @@ def test_packed_numbers_are_those_of_python(law, body):
     car, rng = cars.load("compact"), np.random.default_rng(1)
     for _ in range(3):
         values = {q.name: q.low + rng.random() * (q.high - q.low) for q in parameters.every(car, law, body)}
-        found = running(law, body).value("simulation.packed(structure, values)", values=values)
+        found = engine(law, body).value("simulation.packed(structure, values)", values=values)
         expected = numbers(parameters.plant(car, law, body, values))
         np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-15)
 
@@ -85,6 +79,6 @@ def test_an_unstable_assist_loop_is_told_in_the_words_of_python():
         p, speed = parameters.plant(car, "lugre", "single_track", values), values["speed_kph"] / 3.6
         told.append(stability.reason(p.column, p.assist, speed, free=False))
         reason = "stability.reason(structure.places, Float64Array.from(packed), speed)"
-        found = running("lugre", "single_track").value(reason, packed=numbers(p).tolist(), speed=speed)
+        found = engine("lugre", "single_track").value(reason, packed=numbers(p).tolist(), speed=speed)
         assert found == told[-1]
     assert 4 <= sum(map(bool, told)) <= 36

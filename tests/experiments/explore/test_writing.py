@@ -1,5 +1,9 @@
 """What the page refuses before long work begins, and its command."""
 
+import os
+import subprocess
+import sys
+
 import pytest
 
 from steer_env.experiments import explore
@@ -26,6 +30,14 @@ def test_a_folder_with_other_files_is_left_alone(tmp_path, capsys):
     assert main(["explore", "--out", str(tmp_path)]) == 2
     assert "holds other files (thesis.tex)" in capsys.readouterr().err
     assert (tmp_path / "thesis.tex").read_text() == "mine"
+
+
+def test_kernels_that_are_not_compiled_make_no_page(tmp_path):
+    command = [sys.executable, "-m", "steer_env.experiments.cli.main", "explore", "--out", tmp_path / "page"]
+    done = subprocess.run(command, env=os.environ | {"NUMBA_DISABLE_JIT": "1"}, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert "the page is made of compiled kernels; unset NUMBA_DISABLE_JIT" in done.stderr
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_the_command_writes_a_page_and_replaces_it(tmp_path, capsys):
