@@ -43,7 +43,7 @@ from steer_env.vehicle.subsystems.machine_code import require_compiled
 PAGE = Path(__file__).parent / "page"
 MODULES = "modules"
 CONTENTS = frozenset((*(file.name for file in PAGE.iterdir()), MODULES, "declared.js", "tables.js"))
-LAWS_SHOWN = ("lugre", "masing", "dahl", "coulomb", "viscous")  # by default; each is compiled for a while, once
+LAWS_SHOWN = ("lugre", "masing", "dahl", "coulomb", "viscous")  # by default; each is compiled once
 LARGE = 1000  # numbers from which on a table is written once for all modules
 RATE = 1.0 / SAMPLE_TIME  # [Hz]
 _OF_LOOP = ("column.", "assist.")  # parameters on which the stability of the assist's loop depends

@@ -27,7 +27,7 @@ function steerFields(host, onChange) {
     }
     const slack = 1e-12 * (Math.abs(field.low) + Math.abs(field.high));
     if (value < field.low - slack || value > field.high + slack) {
-      return `this page goes from ${shortest(field.low)} to ${shortest(field.high)} ${unit(field)}, got ${text.trim()}`;
+      return `this page goes from ${shortest(field.low)} to ${[shortest(field.high), unit(field)].join(" ").trim()}, got ${text.trim()}`;
     }
     return "";
   }

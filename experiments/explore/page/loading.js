@@ -8,6 +8,8 @@ const STEER_VECTORS = [0, 97, 115, 109, 1, 0, 0, 0, 1, 5, 1, 96, 0, 1, 123, 3, 2
 
 /** What keeps this browser from running the page, in a sentence; empty if nothing does. */
 function steerLacking() {
+  const { damaged } = document.documentElement.dataset;
+  if (damaged) return damaged;
   if (typeof WebAssembly !== "object" || !WebAssembly.validate(new Uint8Array(STEER_VECTORS))) {
     return "This page runs the car as WebAssembly with vectors (SIMD), which this browser lacks: take Chromium 91, " +
       "Firefox 113 or Safari 16.4, or a newer one.";
@@ -21,9 +23,13 @@ function steerLacking() {
 
 /** Bytes of a text in base64 that zlib has packed. @param {string} text */
 async function steerUnpacked(text) {
-  const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
-  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
-  return new Uint8Array(await new Response(stream).arrayBuffer());
+  try {
+    const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
+    return new Uint8Array(await new Response(stream).arrayBuffer());
+  } catch {
+    throw new Error("A file of modules, or tables.js, is damaged: write the folder anew.");
+  }
 }
 
 /** Scripts that hand over data call these; each is set while its file loads. */
@@ -58,6 +64,7 @@ function steerLoading(declared) {
         let data = null;
         steerModule = steerTables = (given) => { data = given; };
         await steerScript(file);
+        if (data === null) throw new Error(`${file} is damaged: write the folder anew.`);
         return data;
       });
       asked.set(file, found);

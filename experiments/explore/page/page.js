@@ -121,14 +121,17 @@ async function steerDeclared(declared) {
     else remember();
   }
 
+  /** Why a car cannot be driven. @param {any} answer */
+  const why = (answer) => sentence(answer.unstable ||
+    `no handwheel amplitude reaches ${declared.weave.target} m/s² with these values`);
+
   /** @param {any} answer */
   function show(answer) {
     main.dataset.exact = String(answer.exact);
     main.classList.toggle("stale", Boolean(answer.failed));
     if (answer.failed) {
       amplitude = FIRST;
-      status.textContent = sentence(answer.unstable ||
-        `no handwheel amplitude reaches ${declared.weave.target} m/s² with these values`);
+      status.textContent = `${notice} ${why(answer)}${latest ? " The car before is shown." : ""}`.trim();
       status.classList.add("refusal");
       return;
     }
@@ -169,10 +172,9 @@ async function steerDeclared(declared) {
         x: scaled(of.shown[loop.x], loop.scale[0]), y: scaled(of.shown[loop.y], loop.scale[1]), colour, wide,
       })));
     }
-    const step = declared.weave.thin / declared.weave.rate;
     for (const history of histories) {
       history.draw(all.map(({ of, colour, wide }) => ({
-        x: of.shown[history.y].map((/** @type {number} */ _, /** @type {number} */ i) => i * step),
+        x: of.shown[history.y].map((/** @type {number} */ _, /** @type {number} */ i) => (i * of.thin) / declared.weave.rate),
         y: scaled(of.shown[history.y], history.scale), colour, wide,
       })));
     }
@@ -242,18 +244,25 @@ async function steerDeclared(declared) {
   for (const law of known.laws) find("law").append(new Option(spaced(law), law));
   for (const chassis of known.chassis) find("chassis").append(new Option(spaced(chassis), chassis));
   for (const id of /** @type {("law" | "chassis")[]} */ (["law", "chassis"])) {
-    find(id).addEventListener("change", () => told(another(id)));
+    find(id).addEventListener("change", () => told(another()));
   }
 
-  /** Take the law or the chassis that was chosen. @param {"law" | "chassis"} id */
-  async function another(id) {
-    const chosen = find(id).value, { parameters } = await structure(
-      id === "law" ? chosen : shown.law, id === "chassis" ? chosen : shown.chassis);
-    if (find(id).value !== chosen) return;  // another one was chosen while this was loaded
+  /** Take the law and the chassis that were chosen. */
+  async function another() {
+    const law = find("law").value, chassis = find("chassis").value;
+    const left = () => find("law").value !== law || find("chassis").value !== chassis;
+    try {
+      await structure(law, chassis);
+    } catch (error) {
+      if (!left()) choose(shown);
+      throw error;
+    }
+    if (left()) return;  // another one was chosen while this was loaded
+    const { parameters } = structures.get(`${law} ${chassis}`);
     const names = new Set(parameters.map((/** @type {Field} */ q) => q.name));
     // A parameter of the same name keeps its value; others belong to the law or the chassis of before.
     const kept = Object.fromEntries(Object.entries(shown.values).filter(([name]) => names.has(name)));
-    const { of, remarks } = await taken({ ...shown, [id]: chosen, values: kept });
+    const { of, remarks } = await taken({ law, chassis, values: kept });
     choose(of);
     notice = remarks.join(" ");
     await redraw();
@@ -277,7 +286,7 @@ async function steerDeclared(declared) {
   /** @param {string} name @param {any} of */
   async function pin(name, of) {
     const answer = await driven(of, true, true);
-    if (answer.failed) return;
+    if (answer.failed) throw new Error(`${name} is not pinned. ${why(answer)}`);
     pins[name] = { shown: of, answer };
     draw();
     remember();
@@ -296,8 +305,8 @@ async function steerDeclared(declared) {
     show(await driven(shown, true, true));
     for (const [name, given] of Object.entries(start.pins)) {
       const read = address.read(given, shown, known), { of, remarks: more } = await taken(read.shown);
-      await pin(name, of);
-      notice = [notice, ...[...read.remarks, ...more].map((remark) => `${name}: ${remark}`)].join(" ").trim();
+      const refused = await pin(name, of).then(() => [], (/** @type {Error} */ error) => [error.message]);
+      notice = [notice, ...[...read.remarks, ...more].map((remark) => `${name}: ${remark}`), ...refused].join(" ").trim();
       status.textContent = notice;
     }
   })());

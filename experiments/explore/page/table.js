@@ -58,6 +58,8 @@ function steerTable(host, entries, noticed) {
   function compared(entry, base, value) {
     const made = cell("td", written(base), "value"), verdict = perceived(entry, base, value);
     if (!Number.isFinite(base) || !Number.isFinite(value)) return made;
+    // Two weaves of one car differ by the tolerance of the search for the amplitude.
+    if (Math.abs(value - base) < 1e-4 * Math.abs(base)) return made;
     const sign = value >= base ? "+" : "\u2212", share = Math.abs((100 * (value - base)) / base);
     const gap = `${sign}${written(Math.abs(value - base))}`;
     made.append(cell("small", base ? `${gap}, ${sign}${share.toFixed(1)}\u00a0%` : gap));

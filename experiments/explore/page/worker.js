@@ -48,11 +48,12 @@ function steerWorker(scope, settings, simulation, metrics, stability) {
     const found = metrics.evaluate(channels, weave.frequency, run.exact ? weave.fewest : weave.movingFewest,
       settings.metrics, unstable);
     const size = Math.round(weave.rate / weave.frequency), from = channels.lateral_acceleration.length - 2 * size;
+    const thin = unstable ? 1 : weave.thin;  // an unstable loop swings faster than the plots' samples show
     const shown = Object.fromEntries(Object.entries(channels).map(([name, values]) =>
-      [name, thinned(/** @type {Float64Array} */ (values), from, from + size, weave.thin)]));
+      [name, thinned(/** @type {Float64Array} */ (values), from, from + size, thin)]));
     const reached = simulation.halfSpan(channels.lateral_acceleration);
     return {
-      id: run.id, exact: run.exact, amplitude, next: (amplitude * weave.target) / reached, shown,
+      id: run.id, exact: run.exact, amplitude, next: (amplitude * weave.target) / reached, shown, thin,
       values: found.values, reasons: found.reasons, unstable,
     };
   }

@@ -25,6 +25,12 @@ def page(tmp_path_factory):
     return explore.explore(tmp_path_factory.mktemp("page") / "page", friction=["lugre"], chassis=["single_track"])
 
 
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory):
+    """Two laws on both chassis."""
+    return explore.explore(tmp_path_factory.mktemp("pages") / "page", friction=["lugre", "masing"])
+
+
 @pytest.fixture
 def browser(tmp_path):
     with Chromium(tmp_path / "profile") as found:
@@ -172,6 +178,58 @@ def test_a_folder_that_lacks_a_file_is_told(page, browser, tmp_path):
     browser.until("document.getElementById('status')?.textContent")
     told = browser.value("document.getElementById('status').textContent")
     assert told == "modules/single_track_lugre.js could not be loaded: is the folder complete?"
+
+
+@pytest.mark.parametrize(
+    ("file", "keep", "words"),
+    [
+        ("uplot.js", None, "A file of this page is missing or damaged"),
+        ("declared.js", 200, "A file of this page is missing or damaged"),
+        ("tables.js", 1000, "tables.js is damaged"),
+        ("modules/single_track_lugre.js", 1000, "modules/single_track_lugre.js is damaged"),
+    ],
+)
+def test_a_damaged_folder_is_told(page, tmp_path, file, keep, words):
+    shutil.copytree(page.parent, tmp_path / "copy")
+    damaged = tmp_path / "copy" / file
+    text = damaged.read_text(encoding="utf-8")
+    damaged.unlink() if keep is None else damaged.write_text(text[:keep], encoding="utf-8")
+    with Chromium(tmp_path / "profile") as found:
+        found.open((tmp_path / "copy" / "index.html").as_uri())
+        assert words in found.until("document.getElementById('status')?.textContent")
+
+
+def test_a_law_that_cannot_be_loaded_leaves_the_law_before(pages, browser, tmp_path):
+    shutil.copytree(pages.parent, tmp_path / "copy")
+    (tmp_path / "copy" / "modules" / "single_track_masing.js").unlink()
+    browser.open(address(tmp_path / "copy" / "index.html"))
+    browser.until(READY)
+    choose(browser, "law", "masing")
+    browser.until("document.getElementById('status').textContent.includes('could not be loaded')")
+    assert browser.value("document.getElementById('law').value") == "lugre"
+
+
+def test_law_and_chassis_that_are_chosen_at_once_are_both_taken(pages, browser):
+    browser.open(address(pages))
+    browser.until(READY)
+    choose(browser, "law", "masing")
+    choose(browser, "chassis", "two_track")
+    browser.until("location.hash.includes('law=masing') && location.hash.includes('chassis=two_track')")
+    assert browser.value("document.getElementById('law').value") == "masing"
+
+
+def test_a_car_that_cannot_be_driven_is_not_pinned_and_that_is_told(page, browser):
+    bad = "law=lugre&chassis=single_track&column.I2=0.005&column.K_tb=300&assist.boost_scale=1.5&assist.damping=0"
+    browser.open(address(page, A=quote(bad)))
+    told = browser.until("document.getElementById('status').textContent")
+    assert told.startswith("A is not pinned. ")
+
+
+def choose(browser, name, value):
+    browser.value(
+        f"((select) => {{ select.value = '{value}'; select.dispatchEvent(new Event('change')); }})"
+        f"(document.getElementById('{name}'))"
+    )
 
 
 def test_nothing_is_asked_of_a_network(page, browser):
