@@ -142,7 +142,7 @@ def test_a_pinned_car_of_the_address_is_checked_too(page, browser):
     pin = "law=lugre&chassis=single_track&friction.F_c=-2&column.K_tb=200"
     browser.open(address(page, B=quote(pin)))
     browser.until(READY)
-    told = browser.until("document.getElementById('status').textContent")
+    told = browser.until("document.getElementById('status')?.textContent")
     assert "B: F_c must be finite and greater than 0, got -2; left as the car has it." in told
     assert browser.value("document.getElementById('pinned').textContent") == "B: lugre, single track, Torsion bar 200"
 
@@ -221,7 +221,7 @@ def test_law_and_chassis_that_are_chosen_at_once_are_both_taken(pages, browser):
 def test_a_car_that_cannot_be_driven_is_not_pinned_and_that_is_told(page, browser):
     bad = "law=lugre&chassis=single_track&column.I2=0.005&column.K_tb=300&assist.boost_scale=1.5&assist.damping=0"
     browser.open(address(page, A=quote(bad)))
-    told = browser.until("document.getElementById('status').textContent")
+    told = browser.until("document.getElementById('status')?.textContent")
     assert told.startswith("A is not pinned. ")
 
 
