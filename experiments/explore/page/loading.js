@@ -89,10 +89,18 @@ function steerLoading(declared) {
 
   /** A law on a chassis: its structure, and its modules and tables for the worker. @param {string} law
       @param {string} chassis */
-  return async function module(law, chassis) {
+  async function module(law, chassis) {
     const data = await handed(declared.modules[`${law} ${chassis}`]);
     const begun = await handed(declared.beginnings[chassis]);
     const [wasm, beginning] = await Promise.all([data.wasm, begun].map(steerUnpacked));
     return { structure: data.structure, wasm, beginning, tables: await joined(data.tables) };
-  };
+  }
+
+  /** A policy and its weights for the worker; policy.js says what they are. @param {string} file of declared.policies */
+  async function policy(file) {
+    const data = await handed(file);
+    return { data, weights: new Float32Array((await steerUnpacked(data.weights)).buffer) };
+  }
+
+  return Object.assign(module, { policy });
 }
