@@ -12,11 +12,16 @@ import numpy as np
 
 from steer_env import tasks
 from steer_env.assists.common import reference_feel
+from steer_env.courses import iso3888
 from steer_env.courses.path import SPACING
 from steer_env.courses.preview import PREVIEW_TIMES
 from steer_env.experiments.learning import network, policy
+from steer_env.live.drive import scene
+from steer_env.manoeuvres.double_lane_change import APPROACH
+from steer_env.tasks.common import cones
 from steer_env.tasks.common.definition import LAST_ACTION, SPEED, Task
 from steer_env.tasks.common.path_following import PATH_OBSERVATIONS
+from steer_env.vehicle.cars import Car
 from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST, HAND
 from steer_env.vehicle.plant import CHANNEL
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
@@ -58,6 +63,13 @@ def listed() -> list[dict[str, Any]]:
     ]
 
 
+def paths(car: Car) -> dict[str, Any]:
+    """The path (P, 4) through each course with cones of the drive, whose first cone stands at x = 0."""
+    size = iso3888.outline(car)
+    shift = np.array([APPROACH, 0.0, 0.0, 0.0])
+    return {name: cones.course(name, size)[0] - shift for name in scene.COURSES if name != scene.PLAIN}
+
+
 def described(env_id: str) -> dict[str, Any]:
     """A policy as ``policy.js`` of the page takes it, with its weights as an array of 32-bit floats.
 
@@ -85,6 +97,7 @@ def described(env_id: str) -> dict[str, Any]:
             }
             for quantity, mean, deviation in zip(task.observed, scaling["mean"], scaling["deviation"])
         ],
+        "follows": any(name in about["observations"] for name in _PATH),
         "clip": scaling["clip"],
         "path": {"names": _PATH, "spacing": SPACING, "step": PREVIEW_TIMES[0]},
         "layers": [layer.weight.shape for layer in layers],

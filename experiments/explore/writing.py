@@ -127,9 +127,8 @@ def explore(
             _write(out / each.file, "steerModule", _module(car, each, shared))
         _write(out / "declared.js", "steerDeclared", declared(car, wanted))
         (out / policies.FOLDER).mkdir()
-        for each in policies.available():
-            data = policies.described(each)
-            _write(out / policies.file_of(each), "steerModule", data | {"weights": _packed(data["weights"].tobytes())})
+        for env_id in policies.available():
+            _write(out / policies.file_of(env_id), "steerModule", _policy(car, env_id))
         _write(out / "tables.js", "steerTables", {name: _packed(values) for name, values in shared.items()})
         for file in PAGE.iterdir():
             shutil.copyfile(file, out / file.name)
@@ -166,6 +165,14 @@ def _module(car: Car, which: Combination, shared: dict[str, list[float]]) -> dic
         "tables": tables,
         "wasm": _packed(module.advancing(p)),
     }
+
+
+def _policy(car: Car, env_id: str) -> dict[str, Any]:
+    """A policy as the page loads it, with the paths of the courses if it follows one."""
+    data = policies.described(env_id)
+    ways = policies.paths(car) if data["follows"] else {}
+    packed_ways = {name: _packed(way.ravel()) for name, way in ways.items()}
+    return data | {"weights": _packed(data["weights"].tobytes()), "courses": packed_ways}
 
 
 def _floats(leaf: Leaf) -> list[float]:

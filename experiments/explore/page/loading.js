@@ -96,10 +96,14 @@ function steerLoading(declared) {
     return { structure: data.structure, wasm, beginning, tables: await joined(data.tables) };
   }
 
-  /** A policy and its weights for the worker; policy.js says what they are. @param {string} file of declared.policies */
+  /** A policy for the worker, with its weights, and the paths of the courses by their names if it follows one; policy.js
+      says what they are. @param {string} file of declared.policies */
   async function policy(file) {
     const data = await handed(file);
-    return { data, weights: new Float32Array((await steerUnpacked(data.weights)).buffer) };
+    const bytes = async (/** @type {string} */ text) => (await steerUnpacked(text)).buffer;
+    const courses = await Promise.all(Object.entries(data.courses).map(async ([name, text]) =>
+      [name, new Float64Array(await bytes(text))]));
+    return { data, weights: new Float32Array(await bytes(data.weights)), courses: Object.fromEntries(courses) };
   }
 
   return Object.assign(module, { policy });

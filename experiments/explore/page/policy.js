@@ -1,13 +1,15 @@
 /* A trained policy of steer-env that drives or assists: its observations, its network and its guard, as in Python.
 
-   How to drive with one. The page loads {data, weights} with policy(file) of loading.js, for a file that
-   declared.policies lists, and hands them to its worker. There, before every sample of 1 ms:
+   The page loads {data, weights, courses} with policy(file) of loading.js, for a file that declared.policies lists, and
+   hands them to its worker. There, before every sample of 1 ms:
 
-     const pilot = new policies.Policy(data, weights, car);         // of a Car of simulation.js that has begun
-     pilot.path = Float64Array.from(points);                        // a driver's; rows of x, y, direction, curvature
+     const pilot = new policies.Policy(data, weights, names, values, inertia);
+     if (data.follows) pilot.follow(courses["double-lane-change"], x);          // whose first cone stands at x
      ...
-     car.given[pilot.given] = pilot.torque(speed);                  // [N m]; add what else acts at that place
-     car.advance(1);
+     given[data.given] = pilot.torque(speed);             // [N m]; add to it what else acts at that place of the inputs
+
+   `values` is an array that always holds the present channels with these `names`, `inertia` that of the handwheel, and
+   `speed` the car's forward speed: a channel where the chassis reports it, else the speed that it holds.
 
    A "driver" gives the torque of hands. It acts where the number `robot` of the plant is 0, and was trained without the
    arms of a driver model on the handwheel. An "assist" adds its torque to that of the boost, and does not replace it;
@@ -19,11 +21,9 @@
 /** @typedef {{name: string, bound: number, scale: number, mean: number, deviation: number}} Observed */
 /** @typedef {{dt: number, hands: number, corner: number, gripKept: number, motionKept: number, caution: number,
  *             grip: number, slow: number, halfSpeed: number}} GuardNumbers */
-/** @typedef {{id: string, role: "driver" | "assist", observed: Observed[], clip: number,
+/** @typedef {{id: string, role: "driver" | "assist", observed: Observed[], follows: boolean, clip: number,
  *             path: {names: string[], spacing: number, step: number}, layers: [number, number][], given: number,
  *             torque: number, ramped: boolean, samples: number, guard: GuardNumbers | null}} PolicyData */
-/** @typedef {{structure: {channels: string[], places: Record<string, [number, number]>}, numbers: Float64Array,
- *             outputs: Float64Array}} PolicyCar */
 
 function steerPolicies() {
   /** @param {number} x @param {number} low @param {number} high */
@@ -121,42 +121,47 @@ function steerPolicies() {
     }
   }
 
-  /** A policy in a drive, from the car's present state on. */
+  /** A policy in a drive, from the present state on. */
   class Policy {
-    /** @param {PolicyData} data @param {Float32Array} weights @param {PolicyCar} car */
-    constructor(data, weights, car) {
-      const { channels, places } = car.structure;
+    /** @param {PolicyData} data @param {Float32Array} weights @param {string[]} names of channels
+        @param {Float64Array} values of these channels, now and whenever it is asked later
+        @param {number} inertia of the handwheel [kg m2] */
+    constructor(data, weights, names, values, inertia) {
       this.data = data;
       this.weights = weights;
-      this.car = car;
-      this.given = data.given;  // place of its torque in car.given
+      this.values = values;
+      this.inertia = inertia;
+      this.pose = ["x", "y", "yaw_angle"].map((name) => names.indexOf(name));
+      this.places = data.observed.map(({ name }) => names.indexOf(name));
       /** @type {Float64Array | null} */
-      this.path = null;  // that a driver follows
-      this.nearest = 0;  // arc length of the car on it [m]
+      this.path = null;
+      this.begin = this.nearest = 0;  // x of the path's begin, and arc length of the car on it [m]
       this.ahead = new Float64Array(data.path.names.length);
-      this.needsPath = data.observed.some(({ name }) => data.path.names.includes(name));
-      this.sample = 0;
-      this.action = this.lastAction = 0;
+      this.sample = this.action = this.lastAction = 0;
       /** @type {Guard | null} */
       this.guard = null;
-      this.inertia = car.numbers[places["column.I1"][0]];
-      this.at = (/** @type {string} */ name) => channels.indexOf(name);
-      this.ownSpeed = this.at("longitudinal_speed");
-      this.places = data.observed.map(({ name }) => this.at(name));
     }
 
-    /** What it observes now [SI]. @param {number} held speed of a chassis that does not report its own [m/s] */
-    observations(held) {
-      const { outputs } = this.car, { names, spacing, step } = this.data.path;
-      const speed = this.ownSpeed < 0 ? held : outputs[this.ownSpeed];
-      if (this.needsPath) {
-        if (!this.path) throw new Error(`${this.data.id} follows a path, and there is none`);
-        const [x, y, yaw] = ["x", "y", "yaw_angle"].map((name) => outputs[this.at(name)]);
-        this.nearest = locate(this.path, spacing, x, y, yaw, this.nearest, step * speed, this.ahead);
+    /** Follow a path. @param {Float64Array} path rows of x, y [m], direction [rad] and curvature [1/m]
+        @param {number} begin x on the road of the path's x = 0 [m] */
+    follow(path, begin) {
+      this.path = path;
+      this.begin = begin;
+      this.nearest = 0;
+    }
+
+    /** What it observes now [SI]. @param {number} speed of the car [m/s] */
+    observations(speed) {
+      const { id, observed, follows, path: { names, spacing, step } } = this.data;
+      if (follows) {
+        if (!this.path) throw new Error(`${id} follows a path, and there is none`);
+        const [x, y, yaw] = this.pose.map((place) => this.values[place]);
+        this.nearest = locate(
+          this.path, spacing, x - this.begin, y, yaw, this.nearest, step * speed, this.ahead);
       }
-      return this.data.observed.map(({ name, bound }, k) => {
+      return observed.map(({ name, bound }, k) => {
         const value = name === "speed" ? speed : name === "last_action" ? this.action
-          : this.places[k] >= 0 ? outputs[this.places[k]] : this.ahead[names.indexOf(name)];
+          : this.places[k] >= 0 ? this.values[this.places[k]] : this.ahead[names.indexOf(name)];
         return Number.isNaN(value) ? 0 : within(value, -bound, bound);
       });
     }
@@ -169,23 +174,23 @@ function steerPolicies() {
         Math.fround(within((value - observed[k].mean) / observed[k].deviation, -clip, clip)));
       const action = Math.fround(forward(layers, this.weights, seen));
       if (!guard) return action;
-      const [torque, turning, v] = ["torsion_bar_torque", "handwheel_speed", "speed"].map((wanted) => {
+      const [torque, turning, speed] = ["torsion_bar_torque", "handwheel_speed", "speed"].map((wanted) => {
         const k = observed.findIndex(({ name }) => name === wanted);
         return scaled[k] * observed[k].scale;
       });
       this.guard ??= new Guard(guard, this.inertia, turning);
-      return Math.fround(action * this.guard.share(torque, turning, v));
+      return Math.fround(action * this.guard.share(torque, turning, speed));
     }
 
-    /** The torque for the coming sample of 1 ms [N m]; to be called once before each. @param {number} held speed that
-        the chassis holds [m/s] */
-    torque(held) {
+    /** The torque for the coming sample of 1 ms [N m]; to be called once before each. @param {number} speed of the car,
+        forward [m/s] */
+    torque(speed) {
       const { samples, ramped, torque } = this.data, passed = this.sample++ % samples;
-      if (passed === 0) [this.lastAction, this.action] = [this.action, this.decision(this.observations(held))];
+      if (passed === 0) [this.lastAction, this.action] = [this.action, this.decision(this.observations(speed))];
       const share = ramped ? (passed + 1) / samples : 1;
       return torque * (this.lastAction + share * (this.action - this.lastAction));
     }
   }
 
-  return { locate, forward, Guard, Policy };
+  return { forward, Policy };
 }

@@ -10,6 +10,7 @@ import pytest
 from steer_env.experiments.explore import parameters, policies
 from steer_env.experiments.learning import network, policy
 from steer_env.friction.numerics.packing import slices
+from steer_env.manoeuvres.double_lane_change import APPROACH
 from steer_env.vehicle import cars
 from steer_env.vehicle.chassis.common.interface import HAND, HAND_SPEED
 from tests.experiments.explore.engine import engine
@@ -30,15 +31,17 @@ DRIVE = """{
   const numbers = simulation.packed(structure, values), record = [], observed = [], actions = [];
   car.begin(numbers);
   car.numbers[robot] = hands.length ? 1 : 0;
-  const pilot = new policies.Policy(data, Float32Array.from(weights), car);
-  if (path) pilot.path = Float64Array.from(path.flat());
-  const places = names.map((name) => structure.channels.indexOf(name));
+  const { channels } = structure, inertia = numbers[structure.places["column.I1"][0]];
+  const pilot = new policies.Policy(data, Float32Array.from(weights), channels, car.outputs, inertia);
+  if (path) pilot.follow(Float64Array.from(path.flat()), begin);
+  const places = names.map((name) => channels.indexOf(name)), own = channels.indexOf("longitudinal_speed");
   for (let i = 0; i < samples; i++) {
+    const now = own < 0 ? speed : car.outputs[own];
     if (i % data.samples === 0) {
       record.push(places.map((place) => car.outputs[place]));
-      observed.push(pilot.observations(speed));
+      observed.push(pilot.observations(now));
     }
-    car.given[pilot.given] = pilot.torque(speed);
+    car.given[data.given] = pilot.torque(now);
     if (i % data.samples === 0) actions.push(pilot.action);
     if (hands.length) [car.given[1], car.given[2]] = hands[i];
     car.advance(1);
@@ -56,7 +59,7 @@ def described(env_id):
 @lru_cache(None)
 def driven(env_id):
     """An episode of a policy in its environment, without noise, delay or anything drawn: channels, observations [SI],
-    actions, motion of the hands at every sample, path and speed."""
+    actions, motion of the hands at every sample, and the speed."""
     body, options, seconds = CASES[env_id]
     env = gym.make(env_id, chassis=body).unwrapped
     batch, controller = env.batch, policy.Policy(policy.shipped(env_id), env)
@@ -70,8 +73,7 @@ def driven(env_id):
         seen, _, over, _, _ = env.step(actions[-1])
         assert not over
         hands.extend(batch.arrays.inputs[0][:, [HAND, HAND_SPEED]].tolist() if batch.task.robot else [])
-    path, speed = batch.path(0), batch.conditions[0].speed
-    return np.array(record), np.array(observed), np.ravel(actions), hands, path, speed
+    return np.array(record), np.array(observed), np.ravel(actions), hands, batch.conditions[0].speed
 
 
 def test_the_page_has_assists_and_a_driver():
@@ -105,8 +107,8 @@ def test_the_network_acts_as_in_python(env_id):
 @pytest.mark.parametrize("env_id", CASES)
 def test_a_drive_of_the_page_is_that_of_the_environment(env_id):
     """Observations, actions and channels; networks of the page are computed with 64 bits, those of Python with 32."""
-    body, _, seconds = CASES[env_id]
-    record, observed, actions, hands, path, speed = driven(env_id)
+    car, (body, _, seconds) = cars.load("compact"), CASES[env_id]
+    record, observed, actions, hands, speed = driven(env_id)
     data, weights = described(env_id)
     made = engine("lugre", body)
     values = {q["name"]: q["value"] for q in made.structure["parameters"]} | {"speed_kph": 3.6 * speed}
@@ -115,9 +117,10 @@ def test_a_drive_of_the_page_is_that_of_the_environment(env_id):
         data=data,
         weights=weights,
         values=values,
-        robot=slices(parameters.plant(cars.load("compact"), "lugre", body, values))["robot"].start,
+        robot=slices(parameters.plant(car, "lugre", body, values))["robot"].start,
         hands=hands,
-        path=None if path is None else path.tolist(),
+        path=policies.paths(car)["double-lane-change"].tolist() if data["follows"] else None,
+        begin=APPROACH,
         names=SEEN,
         speed=speed,
         samples=round(1000 * seconds),
