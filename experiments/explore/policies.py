@@ -56,11 +56,20 @@ def _task(env_id: str) -> Task:
 
 
 def listed() -> list[dict[str, Any]]:
-    """What the page shows of each policy before it is chosen: id, role, what it was trained for, and its script."""
-    return [
-        {"id": each, "role": _ROLES[_task(each).action.input], "about": _task(each).summary, "file": file_of(each)}
-        for each in available()
-    ]
+    """What the page shows of each policy before it is chosen: id, role, task, law and speeds of its training, script."""
+    return [_listed(each) for each in available()]
+
+
+def _listed(env_id: str) -> dict[str, Any]:
+    task, about = _task(env_id), policy.about(policy.shipped(env_id))
+    return {
+        "id": env_id,
+        "role": _ROLES[task.action.input],
+        "about": task.summary,
+        "law": about["friction"],
+        "speeds": policy.conditions(about).get("randomise", {}).get("speed"),  # [m/s]; None: those of its task
+        "file": file_of(env_id),
+    }
 
 
 def paths(car: Car) -> dict[str, Any]:
