@@ -56,7 +56,7 @@ def _task(env_id: str) -> Task:
 
 
 def listed() -> list[dict[str, Any]]:
-    """What the page shows of each policy before it is chosen: id, role, task, law and speeds of its training, script."""
+    """What the page shows of each policy before it is chosen: id, role, task, law and speeds of training, script."""
     return [_listed(each) for each in available()]
 
 
