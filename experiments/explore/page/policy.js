@@ -4,7 +4,7 @@
    hands them to its worker. There, before every sample of 1 ms:
 
      const pilot = new policies.Policy(data, weights, names, values, inertia);
-     if (data.follows) pilot.follow(courses["double-lane-change"], x);          // whose first cone stands at x
+     if (data.follows) pilot.follow(courses["double-lane-change"], [x, y, yaw]);   // where the course begins
      ...
      given[data.given] = pilot.torque(speed);             // [N m]; add to it what else acts at that place of the inputs
 
@@ -135,18 +135,20 @@ function steerPolicies() {
       this.places = data.observed.map(({ name }) => names.indexOf(name));
       /** @type {Float64Array | null} */
       this.path = null;
-      this.begin = this.nearest = 0;  // x of the path's begin, and arc length of the car on it [m]
+      this.origin = [0, 0, 0];  // where the path's x = y = 0 is [m], and its direction there [rad]
+      this.nearest = 0;  // arc length of the car on it [m]
       this.ahead = new Float64Array(data.path.names.length);
       this.sample = this.action = this.lastAction = 0;
       /** @type {Guard | null} */
       this.guard = null;
     }
 
-    /** Follow a path. @param {Float64Array} path rows of x, y [m], direction [rad] and curvature [1/m]
-        @param {number} begin x on the road of the path's x = 0 [m] */
-    follow(path, begin) {
+    /** Follow a path; before its first and after its last row it goes on straight ahead.
+        @param {Float64Array} path rows of x, y [m], direction [rad] and curvature [1/m]
+        @param {number[]} origin x, y [m] of its zero and direction [rad] of its x axis, in the frame of the channels */
+    follow(path, origin) {
       this.path = path;
-      this.begin = begin;
+      this.origin = origin;
       this.nearest = 0;
     }
 
@@ -155,9 +157,10 @@ function steerPolicies() {
       const { id, observed, follows, path: { names, spacing, step } } = this.data;
       if (follows) {
         if (!this.path) throw new Error(`${id} follows a path, and there is none`);
-        const [x, y, yaw] = this.pose.map((place) => this.values[place]);
-        this.nearest = locate(
-          this.path, spacing, x - this.begin, y, yaw, this.nearest, step * speed, this.ahead);
+        const [x, y, yaw] = this.pose.map((place, k) => this.values[place] - this.origin[k]);
+        const c = Math.cos(this.origin[2]), s = Math.sin(this.origin[2]);
+        this.nearest =
+          locate(this.path, spacing, c * x + s * y, c * y - s * x, yaw, this.nearest, step * speed, this.ahead);
       }
       return observed.map(({ name, bound }, k) => {
         const value = name === "speed" ? speed : name === "last_action" ? this.action

@@ -7,6 +7,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from steer_env.courses.path import locate
 from steer_env.experiments.explore import parameters, policies
 from steer_env.experiments.learning import network, policy
 from steer_env.friction.numerics.packing import slices
@@ -33,7 +34,7 @@ DRIVE = """{
   car.numbers[robot] = hands.length ? 1 : 0;
   const { channels } = structure, inertia = numbers[structure.places["column.I1"][0]];
   const pilot = new policies.Policy(data, Float32Array.from(weights), channels, car.outputs, inertia);
-  if (path) pilot.follow(Float64Array.from(path.flat()), begin);
+  if (path) pilot.follow(Float64Array.from(path.flat()), [begin, 0, 0]);
   const places = names.map((name) => channels.indexOf(name)), own = channels.indexOf("longitudinal_speed");
   for (let i = 0; i < samples; i++) {
     const now = own < 0 ? speed : car.outputs[own];
@@ -135,3 +136,33 @@ def test_a_drive_of_the_page_is_that_of_the_environment(env_id):
         assert np.abs(own - theirs).max() <= 1e-6 * np.ptp(theirs), name
     sizes = [each["scale"] for each in data["observed"]]
     np.testing.assert_allclose(np.array(found["observed"]) / sizes, observed / sizes, rtol=0.0, atol=1e-5)
+
+
+def test_a_driver_follows_a_path_wherever_it_begins():
+    """A pose on a path that begins elsewhere in another direction is observed as that on the path itself."""
+    data, weights = described(DRIVER)
+    path, (x, y, yaw) = policies.paths(cars.load("compact"))["double-lane-change"], (500.0, -40.0, 2.9)
+    ahead, left, turned = 31.0, 0.7, 0.05
+    there = [x + ahead * np.cos(yaw) - left * np.sin(yaw), y + ahead * np.sin(yaw) + left * np.cos(yaw), yaw + turned]
+    plain, moved = (
+        engine("lugre", "single_track").value(
+            """{
+              const names = ["x", "y", "yaw_angle"], values = Float64Array.from(pose);
+              const pilot = new policies.Policy(data, Float32Array.from(weights), names, values, 0);
+              pilot.follow(Float64Array.from(path.flat()), origin);
+              pilot.observations(25);
+              return Array.from(pilot.ahead);
+            }""",
+            data=data,
+            weights=weights,
+            path=path.tolist(),
+            pose=pose,
+            origin=origin,
+        )
+        for pose, origin in (([ahead, left, turned], [0.0, 0.0, 0.0]), (there, [x, y, yaw]))
+    )
+    expected = np.zeros(len(plain))
+    locate(path, ahead, left, turned, 0.0, 2.5, expected)
+    assert np.ptp(expected) > 1.0
+    np.testing.assert_allclose(plain, expected, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(moved, expected, rtol=0.0, atol=1e-9)
