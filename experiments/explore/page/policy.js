@@ -3,13 +3,13 @@
    The page loads {data, weights, courses} with policy(file) of loading.js, for a file that declared.policies lists, and
    hands them to its worker. There, before every sample of 1 ms:
 
-     const pilot = new policies.Policy(data, weights, names, values, inertia);
+     const pilot = new policies.Policy(data, weights, names, values);
      if (data.follows) pilot.follow(courses["double-lane-change"], [x, y, yaw]);   // where the course begins
      ...
-     given[data.given] = pilot.torque(speed);             // [N m]; add to it what else acts at that place of the inputs
+     given[data.given] = pilot.torque(speed, inertia);    // [N m]; add to it what else acts at that place of the inputs
 
-   `values` is an array that always holds the present channels with these `names`, `inertia` that of the handwheel, and
-   `speed` the car's forward speed: a channel where the chassis reports it, else the speed that it holds.
+   `values` is an array that always holds the present channels with these `names`, `speed` the car's forward speed: a
+   channel where the chassis reports it, else the speed that it holds; `inertia` is the number column.I1 of the plant.
 
    A "driver" gives the torque of hands. It acts where the number `robot` of the plant is 0, and was trained without the
    arms of a driver model on the handwheel. An "assist" adds its torque to that of the boost, and does not replace it;
@@ -88,10 +88,9 @@ function steerPolicies() {
 
   /** Fades an assist without hands and in quick steering: steer_env.assists.common.reference_feel says why and how. */
   class Guard {
-    /** @param {GuardNumbers} of @param {number} inertia of the handwheel [kg m2] @param {number} speed of it [rad/s] */
-    constructor(of, inertia, speed) {
+    /** @param {GuardNumbers} of @param {number} speed of the handwheel [rad/s] */
+    constructor(of, speed) {
       this.of = of;
-      this.inertia = inertia;
       this.speed = speed;
       this.hands = [0, 0];
       this.low = [0, 0];
@@ -100,10 +99,11 @@ function steerPolicies() {
     }
 
     /** The share of the action that acts, once a decision. @param {number} torque of the torsion bar [N m]
-        @param {number} speed of the handwheel [rad/s] @param {number} v of the car [m/s] */
-    share(torque, speed, v) {
+        @param {number} speed of the handwheel [rad/s] @param {number} v of the car [m/s]
+        @param {number} inertia of the handwheel [kg m2] */
+    share(torque, speed, v, inertia) {
       const { of } = this;
-      let value = torque + (this.inertia * (speed - this.speed)) / of.dt, slow = speed, quick = speed;
+      let value = torque + (inertia * (speed - this.speed)) / of.dt, slow = speed, quick = speed;
       this.speed = speed;
       this.hands = this.hands.map((held) => (value = held + of.hands * (value - held)));
       this.grip = Math.max(Math.abs(value), of.gripKept * this.grip);
@@ -124,13 +124,11 @@ function steerPolicies() {
   /** A policy in a drive, from the present state on. */
   class Policy {
     /** @param {PolicyData} data @param {Float32Array} weights @param {string[]} names of channels
-        @param {Float64Array} values of these channels, now and whenever it is asked later
-        @param {number} inertia of the handwheel [kg m2] */
-    constructor(data, weights, names, values, inertia) {
+        @param {Float64Array} values of these channels, now and whenever it is asked later */
+    constructor(data, weights, names, values) {
       this.data = data;
       this.weights = weights;
       this.values = values;
-      this.inertia = inertia;
       this.pose = ["x", "y", "yaw_angle"].map((name) => names.indexOf(name));
       this.places = data.observed.map(({ name }) => names.indexOf(name));
       /** @type {Float64Array | null} */
@@ -169,8 +167,9 @@ function steerPolicies() {
       });
     }
 
-    /** The action from -1 to 1 for observations [SI]. @param {number[]} observations */
-    decision(observations) {
+    /** The action from -1 to 1 for observations [SI]. @param {number[]} observations
+        @param {number} inertia of the handwheel [kg m2] */
+    decision(observations, inertia) {
       const { observed, clip, layers, guard } = this.data;
       const scaled = observations.map((value, k) => Math.fround(value / observed[k].scale));  // Python's are 32 bits
       const seen = scaled.map((value, k) =>
@@ -181,15 +180,17 @@ function steerPolicies() {
         const k = observed.findIndex(({ name }) => name === wanted);
         return scaled[k] * observed[k].scale;
       });
-      this.guard ??= new Guard(guard, this.inertia, turning);
-      return Math.fround(action * this.guard.share(torque, turning, speed));
+      this.guard ??= new Guard(guard, turning);
+      return Math.fround(action * this.guard.share(torque, turning, speed, inertia));
     }
 
     /** The torque for the coming sample of 1 ms [N m]; to be called once before each. @param {number} speed of the car,
-        forward [m/s] */
-    torque(speed) {
+        forward [m/s] @param {number} inertia of the handwheel [kg m2] */
+    torque(speed, inertia) {
       const { samples, ramped, torque } = this.data, passed = this.sample++ % samples;
-      if (passed === 0) [this.lastAction, this.action] = [this.action, this.decision(this.observations(speed))];
+      if (passed === 0) {
+        [this.lastAction, this.action] = [this.action, this.decision(this.observations(speed), inertia)];
+      }
       const share = ramped ? (passed + 1) / samples : 1;
       return torque * (this.lastAction + share * (this.action - this.lastAction));
     }

@@ -33,7 +33,7 @@ DRIVE = """{
   car.begin(numbers);
   car.numbers[robot] = hands.length ? 1 : 0;
   const { channels } = structure, inertia = numbers[structure.places["column.I1"][0]];
-  const pilot = new policies.Policy(data, Float32Array.from(weights), channels, car.outputs, inertia);
+  const pilot = new policies.Policy(data, Float32Array.from(weights), channels, car.outputs);
   if (path) pilot.follow(Float64Array.from(path.flat()), [begin, 0, 0]);
   const places = names.map((name) => channels.indexOf(name)), own = channels.indexOf("longitudinal_speed");
   for (let i = 0; i < samples; i++) {
@@ -42,7 +42,7 @@ DRIVE = """{
       record.push(places.map((place) => car.outputs[place]));
       observed.push(pilot.observations(now));
     }
-    car.given[data.given] = pilot.torque(now);
+    car.given[data.given] = pilot.torque(now, inertia);
     if (i % data.samples === 0) actions.push(pilot.action);
     if (hands.length) [car.given[1], car.given[2]] = hands[i];
     car.advance(1);
@@ -148,7 +148,7 @@ def test_a_driver_follows_a_path_wherever_it_begins():
         engine("lugre", "single_track").value(
             """{
               const names = ["x", "y", "yaw_angle"], values = Float64Array.from(pose);
-              const pilot = new policies.Policy(data, Float32Array.from(weights), names, values, 0);
+              const pilot = new policies.Policy(data, Float32Array.from(weights), names, values);
               pilot.follow(Float64Array.from(path.flat()), origin);
               pilot.observations(25);
               return Array.from(pilot.ahead);
