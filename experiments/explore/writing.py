@@ -21,7 +21,7 @@ import numpy as np
 from scipy import signal
 
 from steer_env import metrics
-from steer_env.experiments.explore import module, packing, parameters, policies
+from steer_env.experiments.explore import drive_page, module, packing, parameters, policies
 from steer_env.experiments.pages import files, words
 from steer_env.friction.law import LAWS
 from steer_env.friction.numerics.check import one_of
@@ -202,6 +202,7 @@ def structure(car: Car, which: Combination) -> dict[str, Any]:
         "channels": [name for name, _ in plant.channels(p)],
         "zeroStates": list(subsystem.zero_states),
         "zeroOutputs": list(subsystem.zero_outputs),
+        "drive": drive_page.of_module(subsystem),
         "places": {name: [at.start, at.stop] for name, at in slices(p).items() if name.startswith(_OF_LOOP)},
         **_begun(car, which, p),
     }
@@ -245,6 +246,7 @@ def declared(car: Car, wanted: Sequence[Combination]) -> dict[str, Any]:
             "thin": THIN,
         },
         "loops": loop_constants(),
+        "drive": drive_page.declared(car),
         "metrics": [_metric(name) for name in metrics.available("weave")],
         "noticed": {
             "share": just_noticeable.SHARE,

@@ -21,7 +21,7 @@ from steer_env.vehicle.steering.assist.functions import NoFunctions
 # Between the relaxed and the tensed arms of steer_env.drivers, without their inertia, to follow at once; assumed.
 ARM = Arm(inertia=0.0, damping=1.5, stiffness=24.0, reflex=0.0)
 LARGEST_WANTED = 8.0  # angle that the arms turn to at most; assumed [rad]
-_WANTED_LAG = 0.04  # time constant behind the wanted angle, whose steps hands cannot follow; assumed [s]
+WANTED_LAG = 0.04  # time constant behind the wanted angle, whose steps hands cannot follow; assumed [s]
 SPEED_STEP = 5.0 / 3.6  # of a command [m/s]
 FASTEST = 70.0  # [m/s]
 _TOUCHED = 0.02  # pedal travel that counts as touched; assumed [1]
@@ -38,8 +38,8 @@ class Arms:
         elapsed = within(1e-9 * (stamp - self._stamp), 0.0, 0.1) if self._stamp else 0.0
         self._stamp = stamp
         aim = within(wanted, -LARGEST_WANTED, LARGEST_WANTED)
-        speed = (aim - self._angle) / _WANTED_LAG
-        self._angle += -math.expm1(-elapsed / _WANTED_LAG) * (aim - self._angle)
+        speed = (aim - self._angle) / WANTED_LAG
+        self._angle += -math.expm1(-elapsed / WANTED_LAG) * (aim - self._angle)
         return ARM.stiffness * self._angle + ARM.damping * within(speed, -10.0, 10.0)
 
 

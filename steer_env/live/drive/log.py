@@ -87,7 +87,7 @@ SECONDS, SPACING = 10.0, 0.01  # that the window shows, and the time between two
 HISTORY = ("x", "y", "yaw_angle", "handwheel_angle", "torsion_bar_torque", "chosen_set")  # that the window shows
 _NAME = re.compile(r"drive-(\d+)\.csv")
 # Columns of the recorder that are kept under other names, as channels of the car have theirs, with units.
-_OWN = {
+OWN_COLUMNS = {
     "missed": ("deadlines_missed", "1"),
     "set": ("chosen_set", "1"),
     "share": ("share_of_next_set", "1"),
@@ -95,8 +95,8 @@ _OWN = {
     "phase": ("watchdog_phase", "1"),
     "gain": ("watchdog_gain", "1"),
 }
-_SUMS, _LAST = ("deadlines_missed",), ("chosen_set", "watchdog_phase")  # of which a row has no mean
-_INPUTS = ("target_speed", "throttle_request", "brake_request", "coast")  # that no channel of the car shows
+SUMS, LAST = ("deadlines_missed",), ("chosen_set", "watchdog_phase")  # of which a row has no mean
+INPUTS = ("target_speed", "throttle_request", "brake_request", "coast")  # that no channel of the car shows
 
 
 class Column(NamedTuple):
@@ -114,9 +114,9 @@ def columns_of(subsystem: Subsystem, recorder: Recorder) -> list[Column]:
     found = []
     for place, (name, unit) in enumerate(zip(recorder.columns, units)):
         if place < len(OWN):
-            if name in _OWN:
-                found.append(Column(*_OWN[name], place))
-        elif place >= first or name in _INPUTS:
+            if name in OWN_COLUMNS:
+                found.append(Column(*OWN_COLUMNS[name], place))
+        elif place >= first or name in INPUTS:
             found.append(Column(name, unit, place))
     return found
 
@@ -167,7 +167,7 @@ class Log:
     def __init__(self, columns: Sequence[Column], file: Appended | None = None) -> None:
         names = [column.name for column in columns]
         self._file, self._places = file, [column.place for column in columns]
-        self._sums, self._last = ([names.index(name) for name in which] for which in (_SUMS, _LAST))
+        self._sums, self._last = ([names.index(name) for name in which] for which in (SUMS, LAST))
         self._pose, self._shown = ([names.index(name) for name in which] for which in (HISTORY[:3], HISTORY))
         self._configuration = names.index("chosen_set")
         self._rest = np.zeros((0, 1 + len(names)))

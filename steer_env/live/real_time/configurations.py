@@ -273,12 +273,15 @@ register(Switch, _advance)
 
 
 # One quantity under two names, of the chassis on two tracks and on one.
-_SAME = {"body_speed_y": "lateral_speed", "body_rate_z": "yaw_rate", "body_rate_x": "roll_rate", "tan_alpha": "slip"}
+SAME = {"body_speed_y": "lateral_speed", "body_rate_z": "yaw_rate", "body_rate_x": "roll_rate", "tan_alpha": "slip"}
 # States that are handed over by what they differ from those of straight running: each car has its own there.
-_FROM_SETTLED = ("travel_", "height", "pitch_angle", "kappa_", "speed_hold_integral")
-_WHEEL_SPEED, _CAR_SPEED = "wheel_angular_velocity_", "body_speed_x"
+FROM_SETTLED = ("travel_", "height", "pitch_angle", "kappa_", "speed_hold_integral")
+WHEEL_SPEED, CAR_SPEED = "wheel_angular_velocity_", "body_speed_x"
 # States that only an equal car understands, and the parameters that have to be equal.
-_OWN = {"gear": "chassis", "shift_time_left": "chassis", "friction_memory_": "friction", "observer_memory_": "assist"}
+OWN_STATES = {
+    **{"gear": "chassis", "shift_time_left": "chassis"},
+    **{"friction_memory_": "friction", "observer_memory_": "assist"},
+}
 
 
 class CarConfiguration(NamedTuple):
@@ -408,7 +411,7 @@ def _memory(cars: list[Subsystem]) -> Switch:
 
 def _common(name: str) -> str:
     """The name of a quantity that a chassis may call otherwise."""
-    return next((name.replace(own, common) for own, common in _SAME.items() if name.startswith(own)), name)
+    return next((name.replace(own, common) for own, common in SAME.items() if name.startswith(own)), name)
 
 
 def _hand_over(
@@ -417,16 +420,16 @@ def _hand_over(
     """Where each state of a new car comes from in an old one, what it is multiplied by and what is added."""
     places = {_common(name): i for i, name in enumerate(old.states)}
     places |= {name: i for i, name in enumerate(old.states)}
-    own = tuple(name for name, field in _OWN.items() if not _equal(old.parameters, new.parameters, field))
+    own = tuple(name for name, field in OWN_STATES.items() if not _equal(old.parameters, new.parameters, field))
     for k, name in enumerate(new.states):
         i = places.get(name, places.get(_common(name), -1))
         if i < 0 or name.startswith(own):
             continue
         source[k] = i
-        if name.startswith(_FROM_SETTLED):
+        if name.startswith(FROM_SETTLED):
             shift[k] = new.start[k] - old.start[i]
-        elif name.startswith(_WHEEL_SPEED) and not name.endswith(("_derivative", "_before")):
-            before, after = (subsystem.start[subsystem.states.index(_CAR_SPEED)] for subsystem in (old, new))
+        elif name.startswith(WHEEL_SPEED) and not name.endswith(("_derivative", "_before")):
+            before, after = (subsystem.start[subsystem.states.index(CAR_SPEED)] for subsystem in (old, new))
             if min(abs(v) for v in (before, after, old.start[i])) > 1.0:  # at rest, no radius can be told
                 scale[k] = new.start[k] / after / (old.start[i] / before)
 

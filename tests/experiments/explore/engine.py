@@ -16,6 +16,8 @@ const modules = [wasm, beginning].map((bytes) => new WebAssembly.Module(Uint8Arr
 const imports = modules.flatMap((one) => WebAssembly.Module.imports(one).map(({ name }) => name));
 const shared = Float64Array.from(tables), begun = new simulation.Beginning(structure, modules[1], shared);
 const car = new simulation.Car(structure, modules[0], begun, shared), { weave } = declared;
+const exchanging = steerExchange(declared.drive), handing = steerHands(declared.drive);
+const logging = steerLog(declared.drive), staircases = steerStaircase(declared.drive.blind);
 function whole(steps) {
   let step;
   do step = steps.next();
@@ -30,7 +32,7 @@ class Engine:
 
     def __init__(self, law, body):
         self._context = MiniRacer()
-        for name in ("metrics", "policy", "simulation", "stability"):
+        for name in ("metrics", "policy", "simulation", "stability", "exchange", "hands", "log", "staircase"):
             self._context.eval((writing.PAGE / f"{name}.js").read_text(encoding="utf-8"))
         car, which = cars.load("compact"), writing.Combination(law, body)
         own, begun = (parameters.plant(car, each, body, {}) for each in (law, module.BEGINNING))

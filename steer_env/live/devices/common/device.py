@@ -19,7 +19,7 @@ from steer_env.live.devices.common.commands import Keys
 
 Clock = Callable[[], int]
 _ANSWERS = 200_000_000  # time since the last call of feed() for which what the window told counts; assumed [ns]
-_RECENTRED = 0.5  # rate at which straight ahead moves to where a person wants it; assumed [rad/s]
+RECENTRED = 0.5  # rate at which straight ahead moves to where a person wants it; assumed [rad/s]
 D = TypeVar("D", bound="Device")
 
 
@@ -149,7 +149,7 @@ class Device:
     def reading(self, angle: float, speed: float = math.nan, throttle: float = 0.0, brake: float = 0.0) -> Reading:
         """A reading of now, with what was pressed since the last one; ``angle`` is that of the device itself [rad]."""
         now, keys = self.clock(), self.keys
-        most = max(0.0, _RECENTRED * 1e-9 * (now - self._centred))
+        most = max(0.0, RECENTRED * 1e-9 * (now - self._centred))
         self._zero += within(self._straight - self._zero, -most, most)
         self._raw, self._centred = angle, now
         return Reading(now, angle - self._zero, speed, throttle, brake, keys.pressed(), self._dead_man(now))
