@@ -6,12 +6,14 @@
 
    Messages: {module} adds a module, {configuration} a car, {begin} starts the road anew with a configuration, {hands}
    tells what is held of the device, {drag} a motion of it, {hold} whether the wheel is held, {choose} a configuration,
-   {target} a held speed, {recentre}, {stand} and {go}. */
+   {target} a held speed, {pilot} lets a policy drive or assist, {course} tells where what it follows begins, {recentre},
+   {stand} and {go}. */
 
 "use strict";
 
-/** @param {any} scope @param {any} declared @param {any} simulation @param {any} exchanging @param {any} handing */
-function steerPace(scope, declared, simulation, exchanging, handing) {
+/** @param {any} scope @param {any} declared @param {any} simulation @param {any} exchanging @param {any} handing
+    @param {any} policies */
+function steerPace(scope, declared, simulation, exchanging, handing, policies) {
   const { halt, period } = declared.pace, STEP = 1e3 * declared.sampleTime;
   const { own, inputs, channels } = declared.recording;
   const width = own.length + inputs.length + channels.length;
@@ -22,6 +24,10 @@ function steerPace(scope, declared, simulation, exchanging, handing) {
   /** @type {Map<string, any>} */
   const cars = new Map();
   const hands = new handing.Hands(), exchange = new exchanging.Exchange(carAt);
+  const STRAIGHT = Float64Array.of(0, 0, 0, 0, 1, 0, 0, 0);
+  /** Policies that act, by their roles. @type {Record<string, any>} */
+  const pilots = {};
+  let course = { name: "", origin: [0, 0, 0] };
   let start = 0, done = 0, stood = 0, missed = 0, stands = true, held = true, begun = 0, speed = 0, largest = 0;
 
   /** @param {string} key @param {number} place */
@@ -46,14 +52,27 @@ function steerPace(scope, declared, simulation, exchanging, handing) {
     scope.postMessage({ stands: why });
   }
 
+  /** What a policy asks of the hands or of the assist now, 0 without one [N m]. @param {string} role */
+  function asked(role) {
+    const { structure, outputs, numbers } = exchange.car(), own = structure.channels.indexOf("longitudinal_speed");
+    return pilots[role]?.torque(own < 0 ? speed : outputs[own], numbers[structure.places["column.I1"][0]]) ?? 0;
+  }
+
+  function follow() {
+    const { driver } = pilots;
+    if (driver?.data.follows) driver.follow(driver.courses[course.name] ?? STRAIGHT, course.origin);
+  }
+
   /** Advance by one sample and write it; whether the car stays finite. @param {Float64Array} row */
   function sample(row) {
-    if (held !== exchange.hold && exchange.grip(held) && held) {
+    const holds = held && !pilots.driver;  // a policy drives by torque
+    if (holds !== exchange.hold && exchange.grip(holds) && holds) {
       hands.grip(exchange.shown[angleAt], exchange.shown[speedAt]);
     }
-    const given = others();
+    const given = others(), driven = held && !exchange.hold, torque = driven ? asked("driver") : 0;
+    given.push([exchange.car().structure.drive.inputs.indexOf("assist_request"), asked("assist")]);
     if (exchange.hold) hands.step();
-    if (!exchange.sample({ torque: 0, angle: hands.angle, speed: hands.speed, others: given })) return false;
+    if (!exchange.sample({ torque, angle: hands.angle, speed: hands.speed, others: given })) return false;
     row.set([missed, exchange.acting + 1, exchange.share]);
     inputs.forEach((/** @type {string} */ name, /** @type {number} */ k) => {
       row[own.length + k] = name === "target_speed" ? speed - begun : 0;
@@ -121,6 +140,18 @@ function steerPace(scope, declared, simulation, exchanging, handing) {
     hold: (wanted) => { held = wanted; },
     choose: (index) => exchange.choose(index),
     target: (wanted) => { speed = wanted; },
+    pilot({ role, chosen }) {
+      delete pilots[role];
+      if (!chosen) return;
+      const names = channels.map((/** @type {string[]} */ each) => each[0]);
+      const { data, weights, courses } = chosen;
+      pilots[role] = Object.assign(new policies.Policy(data, weights, names, exchange.shown), { courses });
+      follow();
+    },
+    course(wanted) {
+      course = wanted;
+      follow();
+    },
     recentre: () => hands.recentre(),
     stand: (why) => { if (!stands) stand(why); },
     go,

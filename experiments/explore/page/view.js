@@ -211,7 +211,7 @@ function steerCourse(declared, name) {
   let here = [];
 
   /** The cones nearest to a pose. @param {number} x @param {number} y @param {number} yaw */
-  return function passed(x, y, yaw) {
+  function passed(x, y, yaw) {
     const number = Math.max(Math.floor((x - first + 0.5 * gap) / period), 0);
     if (number !== shown || x < last - 0.5 * gap) {  // or the road has begun anew
       shown = number;
@@ -223,5 +223,9 @@ function steerCourse(declared, name) {
       cone.touched ||= Math.abs(c * dx + s * dy - size.centre) < 0.5 * size.length && Math.abs(c * dy - s * dx) < 0.5 * size.width;
     }
     return here;
-  };
+  }
+
+  /** Where the course that is shown begins, along the road [m]. */
+  const begin = () => first + Math.max(shown, 0) * period;
+  return Object.assign(passed, { begin });
 }
