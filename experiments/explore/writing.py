@@ -21,7 +21,7 @@ import numpy as np
 from scipy import signal
 
 from steer_env import metrics
-from steer_env.experiments.explore import drive_page, module, packing, parameters
+from steer_env.experiments.explore import drive_page, module, packing, parameters, policies
 from steer_env.experiments.pages import files, words
 from steer_env.friction.law import LAWS
 from steer_env.friction.numerics.check import one_of
@@ -42,7 +42,7 @@ from steer_env.vehicle.subsystems.machine_code import require_compiled
 
 PAGE = Path(__file__).parent / "page"
 MODULES = "modules"
-CONTENTS = frozenset((*(file.name for file in PAGE.iterdir()), MODULES, "declared.js", "tables.js"))
+CONTENTS = frozenset((*(file.name for file in PAGE.iterdir()), MODULES, policies.FOLDER, "declared.js", "tables.js"))
 LAWS_SHOWN = ("lugre", "masing", "dahl", "coulomb", "viscous")  # by default; each is compiled once
 LARGE = 1000  # numbers from which on a table is written once for all modules
 RATE = 1.0 / SAMPLE_TIME  # [Hz]
@@ -126,6 +126,9 @@ def explore(
                 _write(out / _beginning(each.chassis), "steerModule", _packed(module.beginning(p)))
             _write(out / each.file, "steerModule", _module(car, each, shared))
         _write(out / "declared.js", "steerDeclared", declared(car, wanted))
+        (out / policies.FOLDER).mkdir()
+        for env_id in policies.available():
+            _write(out / policies.file_of(env_id), "steerModule", _policy(car, env_id))
         _write(out / "tables.js", "steerTables", {name: _packed(values) for name, values in shared.items()})
         for file in PAGE.iterdir():
             shutil.copyfile(file, out / file.name)
@@ -164,6 +167,14 @@ def _module(car: Car, which: Combination, shared: dict[str, list[float]]) -> dic
     }
 
 
+def _policy(car: Car, env_id: str) -> dict[str, Any]:
+    """A policy as the page loads it, with the paths of the courses if it follows one."""
+    data = policies.described(env_id)
+    ways = policies.paths(car) if data["follows"] else {}
+    packed_ways = {name: _packed(way.ravel()) for name, way in ways.items()}
+    return data | {"weights": _packed(data["weights"].tobytes()), "courses": packed_ways}
+
+
 def _floats(leaf: Leaf) -> list[float]:
     if np.ndim(leaf.value):
         return np.ascontiguousarray(leaf.value).view(np.float64).ravel().tolist()
@@ -190,6 +201,7 @@ def structure(car: Car, which: Combination) -> dict[str, Any]:
         "inputs": subsystem.inputs,
         "channels": [name for name, _ in plant.channels(p)],
         "zeroStates": list(subsystem.zero_states),
+        "zeroOutputs": list(subsystem.zero_outputs),
         "drive": drive_page.of_module(subsystem),
         "places": {name: [at.start, at.stop] for name, at in slices(p).items() if name.startswith(_OF_LOOP)},
         **_begun(car, which, p),
@@ -218,6 +230,7 @@ def declared(car: Car, wanted: Sequence[Combination]) -> dict[str, Any]:
         "laws": [{"name": law, "about": _about(law)} for law in dict.fromkeys(each.law for each in wanted)],
         "chassis": list(dict.fromkeys(each.chassis for each in wanted)),
         "modules": {f"{each.law} {each.chassis}": each.file for each in wanted},
+        "policies": policies.listed(),
         "beginnings": {each.chassis: _beginning(each.chassis) for each in wanted},
         "weave": {
             "frequency": weave.frequency,

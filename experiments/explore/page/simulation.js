@@ -6,7 +6,8 @@
 /** @typedef {{name: string, low: number, high: number}} SliderRange */
 /** @typedef {{law: string, chassis: string, parameters: SliderRange[], numbers: number[], dependences: Dependence[],
  *             states: number, given: number, inputs: number, channels: string[], zeroStates: number[],
- *             ofLaw: number[], beginning: number[], places: Record<string, [number, number]>}} Structure */
+ *             zeroOutputs: number[], ofLaw: number[], beginning: number[],
+ *             places: Record<string, [number, number]>}} Structure */
 /** @typedef {{frequency: number, rate: number, target: number, trialCycles: number, channels: string[]}} Weave */
 
 function steerSimulation() {
@@ -108,6 +109,7 @@ function steerSimulation() {
       this.inputs.fill(0);
       this.advance(samples);
       for (const place of this.structure.zeroStates) this.state[place] = 0;
+      for (const place of this.structure.zeroOutputs) this.outputs[place] = 0;
     }
 
     /** Advance by so many milliseconds; whether every state is finite. @param {number} samples */

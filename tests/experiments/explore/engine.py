@@ -11,6 +11,7 @@ from steer_env.vehicle import cars
 
 START = """
 const simulation = steerSimulation(), metrics = steerMetrics(declared.loops), stability = steerStability();
+const policies = steerPolicies();
 const modules = [wasm, beginning].map((bytes) => new WebAssembly.Module(Uint8Array.from(bytes)));
 const imports = modules.flatMap((one) => WebAssembly.Module.imports(one).map(({ name }) => name));
 const shared = Float64Array.from(tables), begun = new simulation.Beginning(structure, modules[1], shared);
@@ -31,7 +32,7 @@ class Engine:
 
     def __init__(self, law, body):
         self._context = MiniRacer()
-        for name in ("metrics", "simulation", "stability", "exchange", "hands", "log", "staircase"):
+        for name in ("metrics", "policy", "simulation", "stability", "exchange", "hands", "log", "staircase"):
             self._context.eval((writing.PAGE / f"{name}.js").read_text(encoding="utf-8"))
         car, which = cars.load("compact"), writing.Combination(law, body)
         own, begun = (parameters.plant(car, each, body, {}) for each in (law, module.BEGINNING))
