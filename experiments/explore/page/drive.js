@@ -52,7 +52,7 @@ async function steerDrive(declared) {
     "steerPace(self, declared, steerSimulation(), steerExchange(declared), steerHands(declared), steerPolicies());",
   ].join("\n");
   const worker = new Worker(URL.createObjectURL(new Blob([`"use strict";\n${text}`], { type: "text/javascript" })));
-  Object.assign(steerDriven, { worker, log });
+  Object.assign(steerDriven, { worker, log, columns: logging.names });
 
   /** @type {Map<string, any>} */
   const structures = new Map();
@@ -528,7 +528,8 @@ async function steerDrive(declared) {
   function showView() {
     if (scene === null && !fromAbove) {
       fromAbove = true;
-      tell("The driver's view needs WebGL 2, which this browser lacks: the drive is shown from above.");
+      status.textContent = `${status.textContent} The driver's view needs WebGL 2, which this browser lacks: the drive is ` +
+        "shown from above.";
     }
     find("scene").hidden = fromAbove;
     find("seen").textContent = fromAbove ? "Driver's view" : "View from above";

@@ -1,0 +1,193 @@
+"""The driving page in a real browser: a drive by keys that Python repeats and evaluates, devices, halts, blind test."""
+
+import time
+
+import numpy as np
+import pytest
+
+from steer_env.experiments import explore
+from steer_env.experiments.cli.main import main
+from steer_env.experiments.explore import parameters
+from steer_env.live.real_time.model import model_of, step
+from steer_env.recording import read
+from steer_env.vehicle import cars, plant, subsystems
+from tests.experiments.explore.chromium import Chromium, needed
+
+pytestmark = needed
+ADDRESS = "law=lugre&chassis=two_track&A=law%3Dlugre%26chassis%3Dsingle_track%26friction_scale%3D2"
+KEEP = """(() => {
+  globalThis.kept = [];
+  steerDriven.worker.addEventListener("message", ({ data }) => { if (data.samples) kept.push(...data.samples); });
+})()"""
+DRIVEN = "steerDriven.log.samples"
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("driven") / "page"
+    return explore.explore(folder, friction=["lugre"]).with_name("drive.html")
+
+
+@pytest.fixture
+def browser(tmp_path):
+    with Chromium(tmp_path / "profile") as found:
+        yield found
+        assert found.errors == []
+
+
+def begin(browser, page, address=ADDRESS):
+    """Open the page and wait until a drive can begin."""
+    browser.open(f"{page.as_uri()}#{address}")
+    browser.until("typeof steerDriven === 'object' && steerDriven.ready")
+
+
+def hold(browser, name, seconds):
+    """Hold a key."""
+    browser.call("Input.dispatchKeyEvent", type="keyDown", key=name)
+    time.sleep(seconds)
+    browser.call("Input.dispatchKeyEvent", type="keyUp", key=name)
+
+
+def columns(rows, names):
+    """Columns by their names."""
+    return dict(zip(names, rows.reshape(-1, len(names)).T))
+
+
+def driven(browser, seconds=2.6):
+    """Steer to both sides and drive faster, and stand; the samples by the names of their columns."""
+    browser.value(KEEP)
+    browser.key("p")
+    browser.until(f"{DRIVEN} > 300")
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        hold(browser, "ArrowLeft", 0.3)
+        browser.key("ArrowUp")
+        hold(browser, "d", 0.45)
+    browser.key("p")
+    browser.until("steerDriven.stands === 'asked'")
+    return columns(np.array(browser.value("kept")), browser.value("steerDriven.columns"))
+
+
+def test_a_drive_by_keys_is_that_of_the_native_plant_and_is_evaluated_by_python(page, browser, tmp_path, capsys):
+    begin(browser, page)
+    browser.value("document.getElementById('manoeuvre').value = 'road'")
+    found = driven(browser)
+    count = found["x"].size
+    assert count == browser.value(DRIVEN) > 2500
+    assert browser.value("steerDriven.largest") < 100.0
+    assert np.degrees(found["handwheel_angle"].max()) > 10.0
+    assert found["target_speed"][-1] >= 5.0 / 3.6
+    car = subsystems.make("car", parameters.plant(cars.load("compact"), "lugre", "two_track", {}), 100.0 / 3.6)
+    model, native = model_of(car), np.empty((count, len(plant.CHANNELS)))
+    places = [[signal.name for signal in car.given].index(name) for name in ("hand_angle", "hand_speed", "target_speed")]
+    for i in range(count):
+        model.given[places] = [found[name][i] for name in ("handwheel_angle", "handwheel_speed", "target_speed")]
+        assert step(model, 1)
+        native[i] = model.outputs[0, : len(plant.CHANNELS)]
+    for name, values in zip(plant.CHANNEL, native.T):
+        assert np.abs(found[name] - values).max() <= 1e-9 * np.ptp(values), name
+    path = tmp_path / "drive.csv"
+    path.write_text(browser.value("steerDriven.csv()"))
+    recording = read(path)
+    mean = found["torsion_bar_torque"][: count // 5 * 5].reshape(-1, 5).mean(axis=1)
+    np.testing.assert_allclose(recording["torsion_bar_torque"], mean, rtol=1e-6, atol=1e-9)
+    assert recording.meta["sets"][0]["law"] == "lugre"
+    assert main(["evaluate", str(path)]) == 0
+    assert "road" in capsys.readouterr().out
+    assert all(url.startswith((page.parent.as_uri(), "blob:", "data:")) for url in browser.requested)
+
+
+def test_keys_take_other_cars_and_let_the_wheel_go(page, browser):
+    begin(browser, page)
+    browser.value(KEEP)
+    browser.key("p")
+    hold(browser, "ArrowLeft", 0.3)
+    browser.key("2")
+    browser.until("kept.length && kept.at(1 - steerDriven.columns.length) === 2")
+    browser.key("h")
+    browser.until("steerDriven.now.hold === false")
+    time.sleep(0.2)
+    browser.key("h")
+    browser.until("steerDriven.now.hold")
+    browser.key("p")
+    found = columns(np.array(browser.value("kept")), browser.value("steerDriven.columns"))
+    assert set(found["chosen_set"]) == {1.0, 2.0}
+    assert np.abs(np.diff(found["torsion_bar_torque"])).max() < 0.2
+    assert (np.abs(found["handwheel_torque"]) < 1e-9).sum() > 150
+    told = browser.value("document.getElementById('cars').textContent")
+    assert "Friction scale 2" in told
+
+
+PAD = """(() => {
+  globalThis.pad = { id: "a pad", index: 0, axes: [0, 0], buttons: Array.from({ length: 8 }, () => ({ pressed: false })) };
+  navigator.getGamepads = () => [pad];
+  document.getElementById("device").value = "gamepad";
+  document.getElementById("device").dispatchEvent(new Event("change"));
+})()"""
+
+
+def test_a_pad_steers_and_its_buttons_command(page, browser):
+    begin(browser, page)
+    browser.value(PAD)
+    browser.key("p")
+    browser.value("pad.axes[0] = -0.525")  # half of the way beyond the dead zone, whose square is a quarter
+    browser.until("Math.abs(steerDriven.now.angle * 180 / Math.PI - 45) < 0.1")
+    browser.value("(pad.axes[0] = 0, pad.buttons[4].pressed = true)")
+    browser.until("Math.round(3.6 * steerDriven.now.held) === 105")
+    browser.value("pad.buttons[3].pressed = true")
+    browser.until("!steerDriven.now.hold")
+    browser.value("pad.buttons[3].pressed = false")
+    browser.until("steerDriven.now.hold")
+
+
+def test_a_hidden_page_stands_and_goes_on_without_skipping_a_sample(page, browser):
+    begin(browser, page)
+    browser.value(KEEP)
+    browser.key("p")
+    browser.until(f"{DRIVEN} > 100")
+    browser.value("Object.defineProperty(document, 'hidden', { get: () => true, configurable: true })")
+    browser.value("document.dispatchEvent(new Event('visibilitychange'))")
+    browser.until("document.getElementById('notice').textContent.includes('the page was hidden')")
+    stood = browser.value(DRIVEN)
+    time.sleep(0.3)
+    assert browser.value(DRIVEN) == stood
+    browser.key("p")
+    browser.until(f"{DRIVEN} > {stood} + 100")
+    found = columns(np.array(browser.value("kept")), browser.value("steerDriven.columns"))
+    assert np.flatnonzero(found["deadlines_missed"]).tolist() == [stood]
+    assert found["deadlines_missed"][stood] >= 300
+    assert np.diff(found["x"]).max() < 1.01e-3 * 100.0 / 3.6  # the car went on where it stood
+
+
+def test_a_browser_without_webgl_shows_the_drive_from_above(page, browser):
+    browser.call(
+        "Page.addScriptToEvaluateOnNewDocument",
+        source="""const own = HTMLCanvasElement.prototype.getContext;
+        HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
+          return kind === "webgl2" ? null : own.call(this, kind, ...rest);
+        };""",
+    )
+    begin(browser, page)
+    assert "needs WebGL 2" in browser.value("document.getElementById('status').textContent")
+
+
+def test_a_blind_test_by_keys_ends_in_a_personal_threshold(page, browser):
+    begin(browser, page)
+    browser.key("t")
+    for k in range(6):
+        browser.until(f"document.getElementById('trial').textContent.startsWith('Trial {k + 1}:')")
+        browser.call("Input.dispatchKeyEvent", type="keyDown", key="Y" if k % 3 else "X", modifiers=8)
+    browser.key("t")
+    told = browser.until("/^Your/.test(document.getElementById('trial').textContent) && document.getElementById('trial').textContent")
+    assert "personal result of 6 trials, steered by keyboard" in told
+    found = browser.value("steerDriven.threshold")
+    assert 0.0 < found["low"] < found["middle"] < found["high"]
+
+
+def test_the_pages_lead_to_one_another_with_the_address(page, browser):
+    browser.open(f"{page.with_name('index.html').as_uri()}#law=lugre&chassis=two_track&friction_scale=2")
+    browser.until("typeof steerShown === 'object' && steerShown.answer?.exact")
+    browser.value("document.querySelector('a[href^=\"drive.html\"]').click()")
+    browser.until("typeof steerDriven === 'object' && steerDriven.ready")
+    assert "Friction scale 2" in browser.value("document.getElementById('cars').textContent")
+    assert browser.value("document.getElementById('back').href").endswith("#law=lugre&chassis=two_track&friction_scale=2")
