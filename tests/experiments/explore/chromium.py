@@ -104,6 +104,12 @@ class Chromium(Browser):
         """Type a text, in place of what is selected."""
         self.call("Input.insertText", text=text)
 
+    def choose_file(self, selector, path):
+        """Choose a file in a file field."""
+        root = self.call("DOM.getDocument")["root"]["nodeId"]
+        field = self.call("DOM.querySelector", nodeId=root, selector=selector)["nodeId"]
+        self.call("DOM.setFileInputFiles", nodeId=field, files=[str(path)])
+
     def picture(self, path):
         """Save a picture of the whole page."""
         import base64

@@ -103,6 +103,12 @@ class Firefox(Browser):
         pressed = [{"type": kind, "value": key} for key in keys for kind in ("keyDown", "keyUp")]
         self.call("WebDriver:PerformActions", actions=[{"type": "key", "id": "keyboard", "actions": pressed}])
 
+    def choose_file(self, selector, path):
+        """Choose a file in a file field."""
+        found = self.call("WebDriver:FindElement", using="css selector", value=selector)["value"]
+        (element,) = found.values()
+        self.call("WebDriver:ElementSendKeys", id=element, text=str(path))
+
     def picture(self, path):
         """Save a picture of the whole page."""
         import base64

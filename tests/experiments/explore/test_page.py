@@ -12,37 +12,16 @@ import pytest
 from steer_env import friction
 from steer_env.experiments import explore
 from steer_env.vehicle.keys import checked
-from tests.experiments.explore.cases import CHANGED, evaluated
+from tests.experiments.explore.cases import CHANGED, READY, address, evaluated, in_both
 from tests.experiments.explore.chromium import Chromium, chromium_needed
-from tests.experiments.explore.firefox import Firefox, firefox_needed
 
-BROWSERS = [pytest.param(Chromium, marks=chromium_needed), pytest.param(Firefox, marks=firefox_needed)]
-in_both = pytest.mark.parametrize("browser", BROWSERS, indirect=True)  # others run in Chromium, which starts sooner
 UNSTABLE = {"column.K_tb": 290.0, "column.I2": 0.02}
-READY = "typeof steerShown === 'object' && steerShown.answer?.exact && steerShown.answer.id"
-
-
-@pytest.fixture(scope="module")
-def page(tmp_path_factory):
-    return explore.explore(tmp_path_factory.mktemp("page") / "page", friction=["lugre"], chassis=["single_track"])
 
 
 @pytest.fixture(scope="module")
 def pages(tmp_path_factory):
     """Two laws on both chassis."""
     return explore.explore(tmp_path_factory.mktemp("pages") / "page", friction=["lugre", "masing"])
-
-
-@pytest.fixture(params=BROWSERS[:1])
-def browser(request, tmp_path):
-    with request.param(tmp_path / "profile") as found:
-        yield found
-        assert found.errors == []
-
-
-def address(page, law="lugre", body="single_track", **values):
-    pairs = {"law": law, "chassis": body, **values}
-    return f"{page.as_uri()}#{'&'.join(f'{key}={value}' for key, value in pairs.items())}"
 
 
 @in_both
