@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from importlib import metadata
-from inspect import getdoc, signature
+from inspect import getdoc
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ import numpy as np
 from scipy import signal
 
 from steer_env import metrics
-from steer_env.experiments.explore import module, packing, parameters
+from steer_env.experiments.explore import carrying, module, packing, parameters
 from steer_env.experiments.pages import files, words
 from steer_env.friction.law import LAWS
 from steer_env.friction.numerics.check import one_of
@@ -29,10 +29,8 @@ from steer_env.friction.numerics.packing import Leaf, leaves, slices
 from steer_env.friction.numerics.packing import numbers as packed
 from steer_env.manoeuvres import make as make_manoeuvre
 from steer_env.metrics.common import just_noticeable, loops
-from steer_env.metrics.common.filtered_channels import ANGLE, AY, PLAUSIBLE, TORQUE, YAW
-from steer_env.recording.channel_mapping import KNOWN
-from steer_env.recording.recording import Recording, low_pass
-from steer_env.recording.units import parse_unit, spellings
+from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE, YAW
+from steer_env.recording.recording import low_pass
 from steer_env.vehicle import cars, plant
 from steer_env.vehicle import chassis as chassis_models
 from steer_env.vehicle.cars import Car
@@ -53,8 +51,6 @@ RECORDED = (ANGLE, TORQUE, AY, YAW, "rack_force")
 # While a slider moves: the fewest cycles of which some are settled, so that the picture follows.
 MOVING_CYCLES, MOVING_FEWEST = 3, 1
 THIN = 10  # samples between two points of a curve
-# Of a recording that is laid over; assumed, for what a phone computes within a second.
-LARGEST_FILE, LONGEST_RECORDING, POINTS = 64e6, 600.0, 4000  # bytes, [s], points of a curve
 
 
 @dataclass(frozen=True)
@@ -217,7 +213,8 @@ def declared(car: Car, wanted: Sequence[Combination]) -> dict[str, Any]:
     assert isinstance(read, partial)  # of the loops, with how many cycles they need
     return {
         "version": metadata.version("steer-env"),
-        "car": {"name": car.name, "description": car.description},
+        "car": {"name": car.name, "description": car.description, **carrying.car_file(car)},
+        "files": carrying.files(),
         "laws": [{"name": law, "about": _about(law)} for law in dict.fromkeys(each.law for each in wanted)],
         "chassis": list(dict.fromkeys(each.chassis for each in wanted)),
         "modules": {f"{each.law} {each.chassis}": each.file for each in wanted},
@@ -236,7 +233,7 @@ def declared(car: Car, wanted: Sequence[Combination]) -> dict[str, Any]:
             "thin": THIN,
         },
         "loops": loop_constants(),
-        "recording": recording_settings(),
+        "recording": carrying.recording_settings(),
         "metrics": [_metric(name) for name in metrics.available("weave")],
         "noticed": {
             "share": just_noticeable.SHARE,
@@ -251,19 +248,6 @@ def _about(law: str) -> str:
     """What the module of a law says of it, in its first line."""
     text = getdoc(sys.modules[LAWS[law].parameters.__module__]) or ""
     return text.splitlines()[0].rstrip(".") if text else law
-
-
-def recording_settings() -> dict[str, Any]:
-    """What the page reads of a recording, with the spellings of units, and the largest that it takes."""
-    return {
-        "channels": {name: KNOWN[name] for name in RECORDED},
-        "units": {text: parse_unit(text) for text in spellings(None).split(", ")},
-        "plausible": PLAUSIBLE,
-        "gap": signature(Recording.bridged).parameters["longest"].default,
-        "largest": LARGEST_FILE,
-        "longest": LONGEST_RECORDING,
-        "points": POINTS,
-    }
 
 
 def loop_constants() -> dict[str, Any]:

@@ -76,12 +76,13 @@ async function steerDeclared(declared) {
     return Object.fromEntries(parameters.map((/** @type {Field} */ q) => [q.name, of.values[q.name] ?? q.value]));
   }
 
-  /** @param {any} of @param {boolean} exact @param {boolean} kept whether nothing stops it @returns {Promise<any>} */
-  function driven(of, exact, kept) {
+  /** @param {any} of @param {boolean} exact @param {boolean} kept whether nothing stops it
+      @param {boolean} whole whether the answer has every sample @returns {Promise<any>} */
+  function driven(of, exact, kept, whole = false) {
     return new Promise((resolve, reject) => {
       answered.push({ resolve, reject });
       const key = `${of.law} ${of.chassis}`;
-      worker.postMessage({ run: { id: ++runs, key, values: values(of), amplitude, exact, kept } });
+      worker.postMessage({ run: { id: ++runs, key, values: values(of), amplitude, exact, kept, whole } });
     });
   }
 
@@ -192,6 +193,15 @@ async function steerDeclared(declared) {
     legend();
     main.dataset.run = String(latest.id);
   }
+
+  /** The whole drive of what is shown, with every sample. */
+  async function drive() {
+    const answer = await driven(shown, true, true, true);
+    if (answer.failed) throw new Error(`There is no drive to save. ${why(answer)}`);
+    return { manoeuvre: "weave", ...answer };
+  }
+  steerDownloads(find("downloads"), declared, () => /** @type {any} */ (shown),
+    () => values(shown)[declared.weave.speed], drive, pictures.visible, told);
 
   /** What is pinned, by what differs from the car. */
   function legend() {
