@@ -11,9 +11,9 @@ from steer_env.experiments.explore import parameters
 from steer_env.live.real_time.model import model_of, step
 from steer_env.recording import read
 from steer_env.vehicle import cars, plant, subsystems
-from tests.experiments.explore.chromium import Chromium, needed
+from tests.experiments.explore.chromium import Chromium, chromium_needed
 
-pytestmark = needed
+pytestmark = chromium_needed
 ADDRESS = "law=lugre&chassis=two_track&A=law%3Dlugre%26chassis%3Dsingle_track%26friction_scale%3D2"
 KEEP = """(() => {
   globalThis.kept = [];
@@ -79,7 +79,9 @@ def test_a_drive_by_keys_is_that_of_the_native_plant_and_is_evaluated_by_python(
     assert found["target_speed"][-1] >= 5.0 / 3.6
     car = subsystems.make("car", parameters.plant(cars.load("compact"), "lugre", "two_track", {}), 100.0 / 3.6)
     model, native = model_of(car), np.empty((count, len(plant.CHANNELS)))
-    places = [[signal.name for signal in car.given].index(name) for name in ("hand_angle", "hand_speed", "target_speed")]
+    places = [
+        [signal.name for signal in car.given].index(name) for name in ("hand_angle", "hand_speed", "target_speed")
+    ]
     for i in range(count):
         model.given[places] = [found[name][i] for name in ("handwheel_angle", "handwheel_speed", "target_speed")]
         assert step(model, 1)
@@ -119,7 +121,8 @@ def test_keys_take_other_cars_and_let_the_wheel_go(page, browser):
 
 
 PAD = """(() => {
-  globalThis.pad = { id: "a pad", index: 0, axes: [0, 0], buttons: Array.from({ length: 8 }, () => ({ pressed: false })) };
+  globalThis.pad = { id: "a pad", index: 0, axes: [0, 0],
+    buttons: Array.from({ length: 8 }, () => ({ pressed: false })) };
   navigator.getGamepads = () => [pad];
   document.getElementById("device").value = "gamepad";
   document.getElementById("device").dispatchEvent(new Event("change"));
@@ -178,7 +181,9 @@ def test_a_blind_test_by_keys_ends_in_a_personal_threshold(page, browser):
         browser.until(f"document.getElementById('trial').textContent.startsWith('Trial {k + 1}:')")
         browser.call("Input.dispatchKeyEvent", type="keyDown", key="Y" if k % 3 else "X", modifiers=8)
     browser.key("t")
-    told = browser.until("/^Your/.test(document.getElementById('trial').textContent) && document.getElementById('trial').textContent")
+    told = browser.until(
+        "/^Your/.test(document.getElementById('trial').textContent) && document.getElementById('trial').textContent"
+    )
     assert "personal result of 6 trials, steered by keyboard" in told
     found = browser.value("steerDriven.threshold")
     assert 0.0 < found["low"] < found["middle"] < found["high"]
@@ -190,4 +195,6 @@ def test_the_pages_lead_to_one_another_with_the_address(page, browser):
     browser.value("document.querySelector('a[href^=\"drive.html\"]').click()")
     browser.until("typeof steerDriven === 'object' && steerDriven.ready")
     assert "Friction scale 2" in browser.value("document.getElementById('cars').textContent")
-    assert browser.value("document.getElementById('back').href").endswith("#law=lugre&chassis=two_track&friction_scale=2")
+    assert browser.value("document.getElementById('back').href").endswith(
+        "#law=lugre&chassis=two_track&friction_scale=2"
+    )

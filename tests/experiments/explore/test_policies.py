@@ -15,7 +15,7 @@ from steer_env.friction.numerics.packing import slices
 from steer_env.manoeuvres.double_lane_change import APPROACH
 from steer_env.vehicle import cars
 from steer_env.vehicle.chassis.common.interface import HAND, HAND_SPEED
-from tests.experiments.explore.chromium import Chromium, needed
+from tests.experiments.explore.chromium import Chromium, chromium_needed
 from tests.experiments.explore.engine import engine
 
 DRIVER, WEAVE, ALL_ROUND = (
@@ -170,7 +170,7 @@ def test_a_driver_follows_a_path_wherever_it_begins():
     np.testing.assert_allclose(moved, expected, rtol=0.0, atol=1e-9)
 
 
-@needed
+@chromium_needed
 @pytest.mark.whole
 def test_a_policy_drives_the_page_through_a_course(tmp_path):
     """At 90 km/h with an assist, both chosen by their names; their scripts are loaded then, and no sooner."""
