@@ -47,9 +47,9 @@ async function steerDrive(declared) {
   const address = steerAddress(), load = steerLoading(declared), logging = steerLog(drive), log = new logging.Log();
   const fields = steerFields(document.createElement("div"), () => {}), view = steerView(drive);
   const text = [
-    ...[steerSimulation, steerExchange, steerHands, steerPace].map(String),
+    ...[steerSimulation, steerExchange, steerHands, steerPolicies, steerPace].map(String),
     `const declared = ${JSON.stringify(drive)};`,
-    "steerPace(self, declared, steerSimulation(), steerExchange(declared), steerHands(declared));",
+    "steerPace(self, declared, steerSimulation(), steerExchange(declared), steerHands(declared), steerPolicies());",
   ].join("\n");
   const worker = new Worker(URL.createObjectURL(new Blob([`"use strict";\n${text}`], { type: "text/javascript" })));
   Object.assign(steerDriven, { worker, log, columns: logging.names });
@@ -360,6 +360,7 @@ async function steerDrive(declared) {
     road: () => {
       const now = sampleAt(Infinity);
       if (now) origin = pose(now);
+      tellRoad();
       tell("The road begins anew under the car; the recording keeps its coordinates.");
     },
     pause: () => {
@@ -396,6 +397,26 @@ async function steerDrive(declared) {
     more_x: () => blind && guarded(answer(true)),
     more_y: () => blind && guarded(answer(false)),
   };
+  function tellRoad() {
+    worker.postMessage({ road: { origin: [origin.x, origin.y, origin.yaw], course: find("course").value } });
+  }
+
+  /** Let a policy drive or assist, or nobody. @param {string} id */
+  async function beside(id) {
+    const listed = declared.policies.find((/** @type {any} */ each) => each.id === id) ?? null;
+    const policy = listed && await load.policy(listed.file);
+    if (find("policy").value !== id) return;  // another one was chosen while this was loaded
+    worker.postMessage({ policy });
+    const speeds = listed?.speeds?.map((/** @type {number} */ v) => Math.round(3.6 * v)).join(" to ");
+    find("about").textContent = listed ? `${listed.about} Trained with ${spaced(listed.law)}${speeds ? `, ${speeds} km/h` : ""}. ` +
+      (listed.role === "driver" ? "It drives by the torque of its hands; another car takes over once you hold the wheel."
+        : "Its torque comes on top of the boost.") : "";
+    tell(listed ? `${listed.id} ${listed.role === "driver" ? "drives" : "assists"}.` : "You drive without a policy.");
+  }
+  find("policy").append(new Option("none", ""), ...declared.policies.map((/** @type {any} */ each) =>
+    new Option(`${each.id.replace("steer_env/", "")}, ${each.role}`, each.id)));
+  find("policy").addEventListener("change", () => guarded(beside(find("policy").value)));
+
   /** @param {string} name */
   const obey = (name) => commands[name]();
   const guarded = (/** @type {Promise<any>} */ work) => work.catch((/** @type {Error} */ error) => refused(error.message));
@@ -416,7 +437,7 @@ async function steerDrive(declared) {
     return log.text({
       ...(manoeuvre ? { manoeuvre } : {}), ...recording.meta, steering_ratio: ratio, chassis: of.chassis, friction: of.law,
       page: `steer-env explore ${declared.version}`, speed_m_s: values[declared.weave.speed] / 3.6,
-      device: told.device, motor: false,
+      device: told.device, motor: false, ...(find("policy").value ? { policy: find("policy").value } : {}),
       sets: cars.map((car) => ({ label: car.label, car: recording.meta.vehicle, law: car.of.law, chassis: car.of.chassis,
         address: address.written(car.of) })),
     }, flat);
@@ -534,6 +555,7 @@ async function steerDrive(declared) {
       torque: of("torsion_bar_torque"), left: of("road_wheel_angle_left"), right: of("road_wheel_angle_right"),
       speed: Number.isFinite(speed) ? speed : held, held, acceleration: of("lateral_acceleration"),
       wanted: newest?.wanted ?? 0, hold: newest?.hold ?? true,
+      hands: !hold ? "hands off" : newest?.hold === false ? "the policy drives" : "",
     };
     steerDriven.now = now;
     if (fromAbove || scene === null) {
@@ -565,7 +587,10 @@ async function steerDrive(declared) {
     find("keys").append(pair);
   }
   for (const name of Object.keys(drive.road.courses)) find("course").append(new Option(spaced(name.replaceAll("-", " ")), name));
-  find("course").addEventListener("change", () => { passed = steerCourse(drive, find("course").value); });
+  find("course").addEventListener("change", () => {
+    passed = steerCourse(drive, find("course").value);
+    tellRoad();
+  });
   find("lead").textContent = `Drive ${declared.car.name}, simulated, in real time.`;
   find("back").href = `index.html${location.hash}`;
   addEventListener("hashchange", () => location.reload());  // a link to this page was opened in it

@@ -3,7 +3,7 @@
 "use strict";
 
 /** @typedef {{time: number, x: number, y: number, yaw: number, roll: number, angle: number, torque: number, left: number,
- *             right: number, speed: number, held: number, acceleration: number, wanted: number, hold: boolean}} Moment
+ *             right: number, speed: number, held: number, acceleration: number, wanted: number, hold: boolean, hands: string}} Moment
  *             of a drive, on the road; SI units */
 /** @typedef {{at: (x: number) => number, cones: {x: number, y: number, touched: boolean}[]}} Course */
 
@@ -123,7 +123,7 @@ function steerView(declared) {
     const torque = `${now.torque < 0 ? "−" : ""}${Math.abs(now.torque).toFixed(1)} N m`;
     words(torque, width - 18, height - 36, 30, "right");
     words(`hand torque, full bar ${full} N m`, width - 18, height - 12, 13, "right");
-    if (!now.hold) words("hands off", cx, cy - r - 22, 15, "center");
+    if (now.hands) words(now.hands, cx, cy - r - 22, 15, "center");
   }
   /** Bonnet and dashboard below a driver's view. @param {HTMLCanvasElement} canvas */
   function inside(canvas) {
