@@ -1,5 +1,6 @@
-"""The page of ``steer-env explore`` in Chromium: how soon it shows the car, and how soon it follows a slider."""
+"""The page of ``steer-env explore`` in Chromium: how soon it shows and follows, and whether a drive keeps its time."""
 
+import itertools
 import tempfile
 import time
 from collections.abc import Iterator
@@ -8,11 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from steer_env import metrics
 from steer_env.experiments import explore
+from steer_env.recording import read
 from tests.experiments.explore.chromium import Chromium
 from tests.verification.common.rows import Row, verdict
 
 STARTS, MOVES = 3, 200
+MINUTE = 60.0  # [s]
 SHOWN = "document.querySelector('main')?.dataset.run"
 EXACT = "typeof steerShown === 'object' && steerShown.answer?.exact"
 MOVED = """(async () => {
@@ -48,6 +52,34 @@ def rows() -> Iterator[Row]:
                 taken: Any = browser.value(MOVED % MOVES)
             yield _time(f"slider to redrawn weave, {chassis}, median", float(np.median(taken)), 30.0)
             yield _time(f"slider to redrawn weave, {chassis}, 95th percentile", float(np.quantile(taken, 0.95)), 80.0)
+        yield from _drive(page.with_name("drive.html"), Path(folder))
+
+
+def _drive(page: Path, folder: Path) -> Iterator[Row]:
+    """A minute driven by keys on two tracks: how late it was, whether a sample is missing, and what Python reads."""
+    with Chromium(folder / "driven") as browser:
+        browser.open(f"{page.as_uri()}#law=lugre&chassis=two_track")
+        browser.until("typeof steerDriven === 'object' && steerDriven.ready")
+        browser.key("p")
+        browser.until("steerDriven.log.samples > 0")
+        begins, before = time.monotonic(), browser.value("steerDriven.log.samples")
+        side = itertools.cycle(["ArrowLeft", "ArrowRight", "ArrowRight", "ArrowLeft"])
+        while time.monotonic() < begins + MINUTE:
+            key = next(side)
+            browser.call("Input.dispatchKeyEvent", type="keyDown", key=key)
+            time.sleep(0.25)
+            browser.call("Input.dispatchKeyEvent", type="keyUp", key=key)
+            time.sleep(0.1)
+        driven: Any = browser.value("steerDriven.log.samples - %d" % before)
+        off = driven - 1e3 * (time.monotonic() - begins)
+        late: Any = browser.value("steerDriven.largest")
+        browser.value("document.getElementById('manoeuvre').value = 'road'")
+        (folder / "drive.csv").write_text(browser.value("steerDriven.csv()"))
+    yield _time("simulated time behind the clock in a minute's drive, at most", late, 25.0)
+    yield _time("simulated time less that of the clock over the minute", abs(off), 25.0)
+    values = metrics.evaluate(read(folder / "drive.csv"), intervals=False)
+    found = sum(bool(np.isfinite(value.value)) for value in values.values())
+    yield Row("metrics of the minute, evaluated as a drive on a road", f"{found}", ">= 1", verdict(found >= 1))
 
 
 def _start(address: str, profile: Path) -> float:

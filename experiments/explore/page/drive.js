@@ -135,7 +135,7 @@ async function steerDrive(declared) {
     }
     [before, chosen] = [chosen, index];
     worker.postMessage({ choose: index });
-    tell(hold && !find("driver").value ? cars[index].label : `${cars[index].label}, as soon as hands hold the wheel`);
+    tell(hold ? cars[index].label : `${cars[index].label}, as soon as hands hold the wheel`);
     list();
   }
 
@@ -177,38 +177,6 @@ async function steerDrive(declared) {
   document.addEventListener("visibilitychange", () => {
     if (document.hidden) worker.postMessage({ stand: "hidden" });
   });
-
-  // -- policies
-
-  /** Ids of those that acted in the recording. @type {Set<string>} */
-  const acted = new Set();
-  const acting = () => declared.policies.filter((/** @type {any} */ each) => find(each.role).value === each.file);
-  for (const { id, role, file, about, law, speeds } of declared.policies) {
-    const option = new Option(id.replace(/^.*\/(Driver|Assist)|-v\d+$/g, "").replace(/(?<=[a-z])(?=[A-Z])/g, " "), file);
-    const trained = speeds ? `, trained at ${speeds.map((/** @type {number} */ v) => Math.round(3.6 * v)).join(" to ")} km/h` : "";
-    option.title = `${about} ${id}${trained}, with ${law}.`;
-    find(role).append(option);
-  }
-  for (const role of ["driver", "assist"]) {
-    find(role).addEventListener("change", () => guarded((async () => {
-      const file = find(role).value, chosen = file ? await load.policy(file) : null;
-      if (find(role).value !== file) return;  // another one was chosen meanwhile
-      worker.postMessage({ pilot: { role, chosen } });
-      if (chosen) acted.add(chosen.data.id);
-      const { title, text } = find(role).selectedOptions[0];
-      tell(title || (role === "driver" ? "You drive." : `The assist is ${text}.`));
-    })()));
-  }
-
-  let followed = "";
-  /** Tell the worker where the course begins that is driven now. */
-  function lay() {
-    const begin = passed.begin(), c = Math.cos(origin.yaw), s = Math.sin(origin.yaw);
-    const course = { name: find("course").value, origin: [origin.x + c * begin, origin.y + s * begin, origin.yaw] };
-    if (JSON.stringify(course) === followed) return;
-    followed = JSON.stringify(course);
-    worker.postMessage({ course });
-  }
 
   // -- devices
 
@@ -392,6 +360,7 @@ async function steerDrive(declared) {
     road: () => {
       const now = sampleAt(Infinity);
       if (now) origin = pose(now);
+      tellRoad();
       tell("The road begins anew under the car; the recording keeps its coordinates.");
     },
     pause: () => {
@@ -409,8 +378,6 @@ async function steerDrive(declared) {
     },
     anew: () => {
       log.begin();
-      acted.clear();
-      for (const { id } of acting()) acted.add(id);
       tell("The recording begins anew.");
     },
     save: () => {
@@ -424,15 +391,32 @@ async function steerDrive(declared) {
       if (blind) tell("The blind test chooses the cars: T ends it.");
       else choose(k);
     }])),
-    test: () => {
-      if (find("driver").value) tell("A policy drives: take the wheel yourself before the test.");
-      else guarded(blind ? endTest() : beginTest());
-    },
+    test: () => guarded(blind ? endTest() : beginTest()),
     drive_x: () => blind && choose(blind.x),
     drive_y: () => blind && choose(blind.y),
     more_x: () => blind && guarded(answer(true)),
     more_y: () => blind && guarded(answer(false)),
   };
+  function tellRoad() {
+    worker.postMessage({ road: { origin: [origin.x, origin.y, origin.yaw], course: find("course").value } });
+  }
+
+  /** Let a policy drive or assist, or nobody. @param {string} id */
+  async function beside(id) {
+    const listed = declared.policies.find((/** @type {any} */ each) => each.id === id) ?? null;
+    const policy = listed && await load.policy(listed.file);
+    if (find("policy").value !== id) return;  // another one was chosen while this was loaded
+    worker.postMessage({ policy });
+    const speeds = listed?.speeds?.map((/** @type {number} */ v) => Math.round(3.6 * v)).join(" to ");
+    find("about").textContent = listed ? `${listed.about} Trained with ${spaced(listed.law)}${speeds ? `, ${speeds} km/h` : ""}. ` +
+      (listed.role === "driver" ? "It drives by the torque of its hands; another car takes over once you hold the wheel."
+        : "Its torque comes on top of the boost.") : "";
+    tell(listed ? `${listed.id} ${listed.role === "driver" ? "drives" : "assists"}.` : "You drive without a policy.");
+  }
+  find("policy").append(new Option("none", ""), ...declared.policies.map((/** @type {any} */ each) =>
+    new Option(`${each.id.replace("steer_env/", "")}, ${each.role}`, each.id)));
+  find("policy").addEventListener("change", () => guarded(beside(find("policy").value)));
+
   /** @param {string} name */
   const obey = (name) => commands[name]();
   const guarded = (/** @type {Promise<any>} */ work) => work.catch((/** @type {Error} */ error) => refused(error.message));
@@ -453,7 +437,7 @@ async function steerDrive(declared) {
     return log.text({
       ...(manoeuvre ? { manoeuvre } : {}), ...recording.meta, steering_ratio: ratio, chassis: of.chassis, friction: of.law,
       page: `steer-env explore ${declared.version}`, speed_m_s: values[declared.weave.speed] / 3.6,
-      device: told.device, motor: false, ...(acted.size ? { policies: [...acted] } : {}),
+      device: told.device, motor: false, ...(find("policy").value ? { policy: find("policy").value } : {}),
       sets: cars.map((car) => ({ label: car.label, car: recording.meta.vehicle, law: car.of.law, chassis: car.of.chassis,
         address: address.written(car.of) })),
     }, flat);
@@ -475,7 +459,7 @@ async function steerDrive(declared) {
     const field = differing(), value = cars[0].values[field.name];
     const upward = field.high - value >= value - field.low;
     blind = { field, value, room: upward ? field.high - value : field.low - value, stairs: new staircases.Staircase(), x: 0, y: 0 };
-    find("differs").disabled = find("driver").disabled = true;
+    find("differs").disabled = true;
     find("test").textContent = "End the test";
     for (const button of document.querySelectorAll("[data-command^=more]")) /** @type {any} */ (button).disabled = false;
     await trial();
@@ -516,7 +500,7 @@ async function steerDrive(declared) {
       `${device}${device === "wheel" ? " without torque" : ", without torque in the hands"}; it says nothing about other drivers.`;
     steerDriven.threshold = many ? { low: low * size, middle: middle * size, high: high * size, trials: many } : null;
     blind = null;
-    find("differs").disabled = find("driver").disabled = false;
+    find("differs").disabled = false;
     find("test").textContent = "Begin the test";
     for (const button of document.querySelectorAll("[data-command^=more]")) /** @type {any} */ (button).disabled = true;
     choose(0);
@@ -564,14 +548,14 @@ async function steerDrive(declared) {
       noted = Infinity;
     }
     const at = onRoad(sample ? pose(sample) : { x: 0, y: 0, yaw: 0 }), cones = passed(at.x, at.y, at.yaw);
-    lay();
     const of = (/** @type {string} */ name) => (sample ? channel(name, sample) : 0);
     const speed = log.speed();
     const now = {
       ...at, time: log.samples * drive.sampleTime, roll: of("roll_angle"), angle: of("handwheel_angle"),
       torque: of("torsion_bar_torque"), left: of("road_wheel_angle_left"), right: of("road_wheel_angle_right"),
       speed: Number.isFinite(speed) ? speed : held, held, acceleration: of("lateral_acceleration"),
-      wanted: newest?.wanted ?? 0, hold: find("driver").value ? hold : newest?.hold ?? true,
+      wanted: newest?.wanted ?? 0, hold: newest?.hold ?? true,
+      hands: !hold ? "hands off" : newest?.hold === false ? "the policy drives" : "",
     };
     steerDriven.now = now;
     if (fromAbove || scene === null) {
@@ -603,7 +587,10 @@ async function steerDrive(declared) {
     find("keys").append(pair);
   }
   for (const name of Object.keys(drive.road.courses)) find("course").append(new Option(spaced(name.replaceAll("-", " ")), name));
-  find("course").addEventListener("change", () => { passed = steerCourse(drive, find("course").value); });
+  find("course").addEventListener("change", () => {
+    passed = steerCourse(drive, find("course").value);
+    tellRoad();
+  });
   find("lead").textContent = `Drive ${declared.car.name}, simulated, in real time.`;
   find("back").href = `index.html${location.hash}`;
   addEventListener("hashchange", () => location.reload());  // a link to this page was opened in it

@@ -6,8 +6,8 @@
 
    Messages: {module} adds a module, {configuration} a car, {begin} starts the road anew with a configuration, {hands}
    tells what is held of the device, {drag} a motion of it, {hold} whether the wheel is held, {choose} a configuration,
-   {target} a held speed, {pilot} lets a policy drive or assist, {course} tells where what it follows begins, {recentre},
-   {stand} and {go}. */
+   {target} a held speed, {policy} who drives or assists, {road} where it begins and its course, {recentre}, {stand} and
+   {go}. */
 
 "use strict";
 
@@ -17,18 +17,21 @@ function steerPace(scope, declared, simulation, exchanging, handing, policies) {
   const { halt, period } = declared.pace, STEP = 1e3 * declared.sampleTime;
   const { own, inputs, channels } = declared.recording;
   const width = own.length + inputs.length + channels.length;
-  const angleAt = channels.findIndex((/** @type {string[]} */ each) => each[0] === "handwheel_angle");
-  const speedAt = channels.findIndex((/** @type {string[]} */ each) => each[0] === "handwheel_speed");
+  const names = channels.map((/** @type {string[]} */ each) => each[0]);
+  const [angleAt, speedAt, ...poseAt] = ["handwheel_angle", "handwheel_speed", "x", "y", "yaw_angle"]
+    .map((name) => names.indexOf(name));
+  const STRAIGHT = new Float64Array(4);  // a path of one point, behind which it goes on straight
   /** @type {Map<string, any>} */
   const modules = new Map();
   /** @type {Map<string, any>} */
   const cars = new Map();
   const hands = new handing.Hands(), exchange = new exchanging.Exchange(carAt);
-  const STRAIGHT = Float64Array.of(0, 0, 0, 0, 1, 0, 0, 0);
-  /** Policies that act, by their roles. @type {Record<string, any>} */
-  const pilots = {};
-  let course = { name: "", origin: [0, 0, 0] };
   let start = 0, done = 0, stood = 0, missed = 0, stands = true, held = true, begun = 0, speed = 0, largest = 0;
+  let road = { origin: [0, 0, 0], course: "plain" }, followed = -1;
+  /** @type {any} */
+  let policy = null;
+  /** @type {any} */
+  let pilot = null;
 
   /** @param {string} key @param {number} place */
   function carAt(key, place) {
@@ -40,10 +43,28 @@ function steerPace(scope, declared, simulation, exchanging, handing, policies) {
     return cars.get(own);
   }
 
-  /** Inputs by their places in what a car is given. */
-  const others = () => inputs.map((/** @type {string} */ name) =>
-    [exchange.car().structure.drive.inputs.indexOf(name), name === "target_speed" ? speed - begun : 0])
-    .filter((/** @type {number[]} */ [place]) => place >= 0);
+  /** Inputs by their places in what a car is given. @param {any} car @param {number} assist torque [N m] */
+  const others = (car, assist) => Object.entries({ target_speed: speed - begun, assist_request: assist })
+    .map(([name, value]) => [car.structure.drive.inputs.indexOf(name), value]).filter(([place]) => place >= 0);
+
+  /** Let the policy follow the course that is nearest, whose cones stand again and again along the road. */
+  function follow() {
+    const { first, gap, courses } = declared.road, { period } = courses[road.course], [x, y, yaw] = road.origin;
+    const c = Math.cos(yaw), s = Math.sin(yaw), [nowX, nowY] = poseAt.map((place) => exchange.shown[place]);
+    const along = c * (nowX - x) + s * (nowY - y);
+    const number = Math.max(Math.floor((along - first + 0.5 * gap) / period), 0);
+    if (number === followed) return;
+    followed = number;
+    const begins = first + number * period;
+    pilot.follow(policy.courses[road.course] ?? STRAIGHT, [x + begins * c, y + begins * s, yaw]);
+  }
+
+  /** Torque of the policy for the coming sample [N m]. @param {any} car */
+  function advice(car) {
+    const { structure, outputs, numbers } = car, at = structure.channels.indexOf("longitudinal_speed");
+    if (policy.data.follows) follow();
+    return pilot.torque(at < 0 ? begun : outputs[at], numbers[structure.places["column.I1"][0]]);
+  }
 
   /** Stand still. @param {string} why */
   function stand(why) {
@@ -52,27 +73,17 @@ function steerPace(scope, declared, simulation, exchanging, handing, policies) {
     scope.postMessage({ stands: why });
   }
 
-  /** What a policy asks of the hands or of the assist now, 0 without one [N m]. @param {string} role */
-  function asked(role) {
-    const { structure, outputs, numbers } = exchange.car(), own = structure.channels.indexOf("longitudinal_speed");
-    return pilots[role]?.torque(own < 0 ? speed : outputs[own], numbers[structure.places["column.I1"][0]]) ?? 0;
-  }
-
-  function follow() {
-    const { driver } = pilots;
-    if (driver?.data.follows) driver.follow(driver.courses[course.name] ?? STRAIGHT, course.origin);
-  }
-
   /** Advance by one sample and write it; whether the car stays finite. @param {Float64Array} row */
   function sample(row) {
-    const holds = held && !pilots.driver;  // a policy drives by torque
-    if (holds !== exchange.hold && exchange.grip(holds) && holds) {
+    const driver = policy?.data.role === "driver", grips = held && !driver;
+    if (grips !== exchange.hold && exchange.grip(grips) && grips) {
       hands.grip(exchange.shown[angleAt], exchange.shown[speedAt]);
     }
-    const given = others(), driven = held && !exchange.hold, torque = driven ? asked("driver") : 0;
-    given.push([exchange.car().structure.drive.inputs.indexOf("assist_request"), asked("assist")]);
+    const car = exchange.car(), torque = policy && (held || !driver) ? advice(car) : 0;
     if (exchange.hold) hands.step();
-    if (!exchange.sample({ torque, angle: hands.angle, speed: hands.speed, others: given })) return false;
+    if (!exchange.sample({
+      torque: driver ? torque : 0, angle: hands.angle, speed: hands.speed, others: others(car, driver ? 0 : torque),
+    })) return false;
     row.set([missed, exchange.acting + 1, exchange.share]);
     inputs.forEach((/** @type {string} */ name, /** @type {number} */ k) => {
       row[own.length + k] = name === "target_speed" ? speed - begun : 0;
@@ -140,17 +151,14 @@ function steerPace(scope, declared, simulation, exchanging, handing, policies) {
     hold: (wanted) => { held = wanted; },
     choose: (index) => exchange.choose(index),
     target: (wanted) => { speed = wanted; },
-    pilot({ role, chosen }) {
-      delete pilots[role];
-      if (!chosen) return;
-      const names = channels.map((/** @type {string[]} */ each) => each[0]);
-      const { data, weights, courses } = chosen;
-      pilots[role] = Object.assign(new policies.Policy(data, weights, names, exchange.shown), { courses });
-      follow();
+    policy: (given) => {
+      policy = given;
+      pilot = given && new policies.Policy(given.data, given.weights, names, exchange.shown);
+      followed = -1;
     },
-    course(wanted) {
-      course = wanted;
-      follow();
+    road: (given) => {
+      road = given;
+      followed = -1;
     },
     recentre: () => hands.recentre(),
     stand: (why) => { if (!stands) stand(why); },

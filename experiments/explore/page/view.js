@@ -3,7 +3,7 @@
 "use strict";
 
 /** @typedef {{time: number, x: number, y: number, yaw: number, roll: number, angle: number, torque: number, left: number,
- *             right: number, speed: number, held: number, acceleration: number, wanted: number, hold: boolean}} Moment
+ *             right: number, speed: number, held: number, acceleration: number, wanted: number, hold: boolean, hands: string}} Moment
  *             of a drive, on the road; SI units */
 /** @typedef {{at: (x: number) => number, cones: {x: number, y: number, touched: boolean}[]}} Course */
 
@@ -123,7 +123,7 @@ function steerView(declared) {
     const torque = `${now.torque < 0 ? "−" : ""}${Math.abs(now.torque).toFixed(1)} N m`;
     words(torque, width - 18, height - 36, 30, "right");
     words(`hand torque, full bar ${full} N m`, width - 18, height - 12, 13, "right");
-    if (!now.hold) words("hands off", cx, cy - r - 22, 15, "center");
+    if (now.hands) words(now.hands, cx, cy - r - 22, 15, "center");
   }
   /** Bonnet and dashboard below a driver's view. @param {HTMLCanvasElement} canvas */
   function inside(canvas) {
@@ -211,7 +211,7 @@ function steerCourse(declared, name) {
   let here = [];
 
   /** The cones nearest to a pose. @param {number} x @param {number} y @param {number} yaw */
-  function passed(x, y, yaw) {
+  return function passed(x, y, yaw) {
     const number = Math.max(Math.floor((x - first + 0.5 * gap) / period), 0);
     if (number !== shown || x < last - 0.5 * gap) {  // or the road has begun anew
       shown = number;
@@ -223,9 +223,5 @@ function steerCourse(declared, name) {
       cone.touched ||= Math.abs(c * dx + s * dy - size.centre) < 0.5 * size.length && Math.abs(c * dy - s * dx) < 0.5 * size.width;
     }
     return here;
-  }
-
-  /** Where the course that is shown begins, along the road [m]. */
-  const begin = () => first + Math.max(shown, 0) * period;
-  return Object.assign(passed, { begin });
+  };
 }

@@ -8,9 +8,9 @@ import pytest
 from steer_env.experiments import explore
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.explore import parameters
-from steer_env.live.real_time.model import model_of, step
 from steer_env.recording import read
-from steer_env.vehicle import cars, plant, subsystems
+from steer_env.vehicle import cars, plant
+from steer_env.vehicle.chassis.common.interface import HAND, HAND_SPEED, INPUTS, TARGET_SPEED
 from tests.experiments.explore.chromium import Chromium, chromium_needed
 
 pytestmark = chromium_needed
@@ -70,22 +70,18 @@ def driven(browser, seconds=2.6):
 
 def test_a_drive_by_keys_is_that_of_the_native_plant_and_is_evaluated_by_python(page, browser, tmp_path, capsys):
     begin(browser, page)
-    browser.value("document.getElementById('manoeuvre').value = 'road'")
+    browser.value("document.getElementById('manoeuvre').value = 'catch-up'")
     found = driven(browser)
     count = found["x"].size
     assert count == browser.value(DRIVEN) > 2500
     assert browser.value("steerDriven.largest") < 100.0
     assert np.degrees(found["handwheel_angle"].max()) > 10.0
     assert found["target_speed"][-1] >= 5.0 / 3.6
-    car = subsystems.make("car", parameters.plant(cars.load("compact"), "lugre", "two_track", {}), 100.0 / 3.6)
-    model, native = model_of(car), np.empty((count, len(plant.CHANNELS)))
-    places = [
-        [signal.name for signal in car.given].index(name) for name in ("hand_angle", "hand_speed", "target_speed")
-    ]
-    for i in range(count):
-        model.given[places] = [found[name][i] for name in ("handwheel_angle", "handwheel_speed", "target_speed")]
-        assert step(model, 1)
-        native[i] = model.outputs[0, : len(plant.CHANNELS)]
+    p, u = parameters.plant(cars.load("compact"), "lugre", "two_track", {}), np.zeros((count, len(INPUTS)))
+    for place, name in ((HAND, "handwheel_angle"), (HAND_SPEED, "handwheel_speed"), (TARGET_SPEED, "target_speed")):
+        u[:, place] = found[name]
+    native = np.empty((count, len(plant.channels(p))))
+    plant.run(p, plant.settled(p)[0], u, native, 1)
     for name, values in zip(plant.CHANNEL, native.T):
         assert np.abs(found[name] - values).max() <= 1e-9 * np.ptp(values), name
     path = tmp_path / "drive.csv"
@@ -95,7 +91,7 @@ def test_a_drive_by_keys_is_that_of_the_native_plant_and_is_evaluated_by_python(
     np.testing.assert_allclose(recording["torsion_bar_torque"], mean, rtol=1e-6, atol=1e-9)
     assert recording.meta["sets"][0]["law"] == "lugre"
     assert main(["evaluate", str(path)]) == 0
-    assert "road" in capsys.readouterr().out
+    assert "catch-up" in capsys.readouterr().out
     assert all(url.startswith((page.parent.as_uri(), "blob:", "data:")) for url in browser.requested)
 
 
@@ -121,8 +117,8 @@ def test_keys_take_other_cars_and_let_the_wheel_go(page, browser):
 
 
 PAD = """(() => {
-  globalThis.pad = { id: "a pad", index: 0, axes: [0, 0],
-    buttons: Array.from({ length: 8 }, () => ({ pressed: false })) };
+  const buttons = Array.from({ length: 8 }, () => ({ pressed: false }));
+  globalThis.pad = { id: "a pad", index: 0, axes: [0, 0], buttons };
   navigator.getGamepads = () => [pad];
   document.getElementById("device").value = "gamepad";
   document.getElementById("device").dispatchEvent(new Event("change"));
@@ -160,6 +156,31 @@ def test_a_hidden_page_stands_and_goes_on_without_skipping_a_sample(page, browse
     assert np.flatnonzero(found["deadlines_missed"]).tolist() == [stood]
     assert found["deadlines_missed"][stood] >= 300
     assert np.diff(found["x"]).max() < 1.01e-3 * 100.0 / 3.6  # the car went on where it stood
+
+
+POLICY = """((id) => {
+  for (const [name, value] of [["course", "double-lane-change"], ["policy", id]]) {
+    document.getElementById(name).value = value;
+    document.getElementById(name).dispatchEvent(new Event("change"));
+  }
+})"""
+
+
+def test_a_policy_drives_through_the_cones_and_hands_take_the_wheel_back(page, browser):
+    begin(browser, page)
+    for _ in range(4):
+        browser.key("ArrowDown")  # to 80 km/h, for which it was trained
+    browser.value(f"{POLICY}('steer_env/DriverDoubleLaneChange-v2')")
+    browser.until("document.getElementById('notice').textContent.endsWith('drives.')")
+    browser.value(KEEP)
+    browser.key("p")
+    browser.until("steerDriven.now.x > 205")
+    browser.value(f"{POLICY}('')")
+    browser.until("steerDriven.now.hold")
+    found = columns(np.array(browser.value("kept")), browser.value("steerDriven.columns"))
+    assert found["y"].max() > 2.5  # in the side lane
+    assert found["y"][found["x"] < 150.0].max() < 0.5
+    assert np.abs(np.diff(found["torsion_bar_torque"])).max() < 0.2
 
 
 def test_a_browser_without_webgl_shows_the_drive_from_above(page, browser):

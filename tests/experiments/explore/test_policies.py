@@ -8,14 +8,12 @@ import numpy as np
 import pytest
 
 from steer_env.courses.path import locate
-from steer_env.experiments import explore
 from steer_env.experiments.explore import parameters, policies
 from steer_env.experiments.learning import network, policy
 from steer_env.friction.numerics.packing import slices
 from steer_env.manoeuvres.double_lane_change import APPROACH
 from steer_env.vehicle import cars
 from steer_env.vehicle.chassis.common.interface import HAND, HAND_SPEED
-from tests.experiments.explore.chromium import Chromium, chromium_needed
 from tests.experiments.explore.engine import engine
 
 DRIVER, WEAVE, ALL_ROUND = (
@@ -168,29 +166,3 @@ def test_a_driver_follows_a_path_wherever_it_begins():
     assert np.ptp(expected) > 1.0
     np.testing.assert_allclose(plain, expected, rtol=0.0, atol=1e-12)
     np.testing.assert_allclose(moved, expected, rtol=0.0, atol=1e-9)
-
-
-@chromium_needed
-@pytest.mark.whole
-def test_a_policy_drives_the_page_through_a_course(tmp_path):
-    """At 90 km/h with an assist, both chosen by their names; their scripts are loaded then, and no sooner."""
-    page = explore.explore(tmp_path / "page", friction=["lugre"], chassis=["single_track"])
-    with Chromium(tmp_path / "profile") as browser:
-        browser.open(f"{page.with_name('drive.html').as_uri()}#speed_kph=90")
-        browser.until("typeof steerDriven === 'object' && steerDriven.ready")
-        assert not any("policies/" in url for url in browser.requested)
-        for name, value in (
-            ("course", "double-lane-change"),
-            ("driver", policies.file_of(DRIVER)),
-            ("assist", policies.file_of(ALL_ROUND)),
-        ):
-            browser.value(
-                f"{{const at = document.getElementById('{name}'); at.value = '{value}';"
-                "at.dispatchEvent(new Event('change'))}"
-            )
-        browser.until("document.getElementById('notice').textContent.includes('AssistAllRound')")
-        browser.value("document.getElementById('pause').click()")
-        browser.until("steerDriven.now.x > 205", 60)
-        assert browser.value("steerDriven.now.y") > 2.5  # in the lane beside the obstacle
-        assert f'# policies: ["{DRIVER}","{ALL_ROUND}"]' in browser.value("steerDriven.csv()")
-        assert browser.errors == []
