@@ -20,6 +20,7 @@ const STEER_KEYS = [
   { keys: ["c"], command: "recentre", shown: "C", says: "straight ahead is here" },
   { keys: ["r"], command: "road", shown: "R", says: "begin the road under the car" },
   { keys: ["v"], command: "view", shown: "V", says: "driver's view, or from above" },
+  { keys: ["f"], command: "fill", shown: "F", says: "full screen" },
   { keys: ["p"], command: "pause", shown: "P", says: "stand still, or go on" },
   { keys: ["n"], command: "anew", shown: "N", says: "record anew" },
   { keys: ["t"], command: "test", shown: "T", says: "begin or end the blind test" },
@@ -376,6 +377,10 @@ async function steerDrive(declared) {
       fromAbove = !fromAbove;
       showView();
     },
+    fill: () => {
+      if (document.fullscreenElement) document.exitFullscreen();
+      else board.requestFullscreen().catch(() => tell("The browser does not fill the screen."));
+    },
     anew: () => {
       log.begin();
       tell("The recording begins anew.");
@@ -567,7 +572,7 @@ async function steerDrive(declared) {
       scene(now, cones);
       view.clear(find("picture"));
       view.inside(find("picture"));
-      view.instruments(find("picture"), now);
+      view.instruments(find("picture"), now, false);
     }
     if (clock - toldPace > 500) {
       toldPace = clock;

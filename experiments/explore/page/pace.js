@@ -26,7 +26,7 @@ function steerPace(scope, declared, simulation, exchanging, handing, policies) {
   /** @type {Map<string, any>} */
   const cars = new Map();
   const hands = new handing.Hands(), exchange = new exchanging.Exchange(carAt);
-  let start = 0, done = 0, stood = 0, missed = 0, stands = true, held = true, begun = 0, speed = 0, largest = 0;
+  let start = 0, done = 0, stood = 0, missed = 0, stands = true, held = true, begun = 0, speed = 0, largest = 0, timer = 0;
   let road = { origin: [0, 0, 0], course: "plain" }, followed = -1;
   /** @type {any} */
   let policy = null;
@@ -96,7 +96,8 @@ function steerPace(scope, declared, simulation, exchanging, handing, policies) {
   /** Do what is due. */
   function turn() {
     if (stands) return;
-    setTimeout(turn, period);
+    clearTimeout(timer);  // of a drive that stood for less than a turn
+    timer = setTimeout(turn, period);
     const behind = performance.now() - start - done * STEP, due = Math.floor(behind / STEP);
     if (behind > halt) {
       stand("slow");

@@ -20,7 +20,8 @@ function steerSized(canvas) {
 /** @param {any} declared the part "drive" of what Python declares */
 function steerView(declared) {
   const { lane, lanes } = declared.road, { size, axles, tracks } = declared;
-  const AT = 0.6;  // place of the car, as a part of the height
+  const AT = 0.68, NARROW_AT = 0.58;  // place of the car, as a part of the height
+  const NARROW = 560, BAND = 10;  // width below which it is a phone [px]; of the grass [m]
   const DASH = 4, SPAN = [14, 1.35, 90];  // dashes as long as gaps [m]; way ahead that is shown, as in steer-env drive
   const style = (/** @type {string} */ name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
@@ -29,15 +30,21 @@ function steerView(declared) {
   function above(canvas, now, trace, cones) {
     const { ratio, width, height } = steerSized(canvas);
     const g = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
-    const span = Math.min(SPAN[0] + SPAN[1] * Math.max(now.speed, 0), SPAN[2]), scale = (AT * height) / span;
+    const at = width < NARROW ? NARROW_AT : AT, span = Math.min(SPAN[0] + SPAN[1] * Math.max(now.speed, 0), SPAN[2]), scale = (at * height) / span;
     g.setTransform(ratio, 0, 0, ratio, 0, 0);
     g.fillStyle = style("--verge");
     g.fillRect(0, 0, width, height);
     // Along the road is upward, and left is left: a metre ahead is a step up.
-    g.setTransform(0, -scale * ratio, -scale * ratio, 0, 0.5 * width * ratio, AT * height * ratio);
+    g.setTransform(0, -scale * ratio, -scale * ratio, 0, 0.5 * width * ratio, at * height * ratio);
     if (Math.cos(now.yaw) <= 0.5) g.rotate(-now.yaw);  // the car turns in the picture where it leaves the road
     g.translate(-now.x, -now.y);
     const reach = Math.hypot(width, height) / scale, from = now.x - reach, length = 2 * reach, half = 0.5 * lanes * lane;
+    g.fillStyle = style("--band");  // mown in bands, by which the motion is seen
+    g.globalAlpha = 0.22;
+    for (let x = Math.floor(from / (2 * BAND)) * 2 * BAND; x < from + length; x += 2 * BAND) {
+      g.fillRect(x, now.y - reach, BAND, 2 * reach);
+    }
+    g.globalAlpha = 1;
     g.fillStyle = style("--tarmac");
     g.fillRect(from, -half - 0.5, length, 2 * half + 1);
     g.fillStyle = style("--marking");
@@ -58,7 +65,7 @@ function steerView(declared) {
       g.fill();
     }
     car(g, now);
-    instruments(canvas, now);
+    instruments(canvas, now, true);
   }
 
   /** @param {CanvasRenderingContext2D} g @param {Moment} now */
@@ -88,11 +95,13 @@ function steerView(declared) {
     }
   }
 
-  /** Speed, handwheel and hand torque at the lower edge. @param {HTMLCanvasElement} canvas @param {Moment} now */
-  function instruments(canvas, now) {
+  /** Speed, handwheel and hand torque at the edges. @param {HTMLCanvasElement} canvas @param {Moment} now
+      @param {boolean} aside whether the middle is left free */
+  function instruments(canvas, now, aside) {
     const { ratio, width, height } = steerSized(canvas);
     const g = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
-    const r = Math.min(0.15 * height, 0.14 * width, 92), cx = 0.5 * width, cy = height - r - 44;
+    const narrow = width < NARROW, r = Math.min(0.15 * height, 0.14 * width, aside ? 76 : 92);
+    const cx = aside && !narrow ? 138 : 0.5 * width, cy = height - r - 56;
     g.setTransform(ratio, 0, 0, ratio, 0, 0);
     g.fillStyle = style("--plate");
     g.beginPath();
@@ -118,11 +127,12 @@ function steerView(declared) {
       g.fillStyle = style("--ink");
       g.fillText(text, x, y);
     };
-    words(`${Math.round(3.6 * now.speed)} km/h`, 18, height - 36, 30, "left");
-    words(`held at ${Math.round(3.6 * now.held)}`, 18, height - 12, 13, "left");
+    const large = narrow ? 22 : 30, high = (/** @type {boolean} */ top) => (top ? 18 + large : height - 36);
+    words(`${Math.round(3.6 * now.speed)} km/h`, 18, high(aside || narrow), large, "left");
+    words(`held at ${Math.round(3.6 * now.held)}`, 18, high(aside || narrow) + 24, 13, "left");
     const torque = `${now.torque < 0 ? "−" : ""}${Math.abs(now.torque).toFixed(1)} N m`;
-    words(torque, width - 18, height - 36, 30, "right");
-    words(`hand torque, full bar ${full} N m`, width - 18, height - 12, 13, "right");
+    words(torque, width - 18, high(narrow), large, "right");
+    words(`hand torque, full bar ${full} N m`, width - 18, high(narrow) + 24, 13, "right");
     if (now.hands) words(now.hands, cx, cy - r - 22, 15, "center");
   }
   /** Bonnet and dashboard below a driver's view. @param {HTMLCanvasElement} canvas */

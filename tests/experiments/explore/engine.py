@@ -32,7 +32,7 @@ class Engine:
 
     def __init__(self, law, body):
         self._context = MiniRacer()
-        for name in ("metrics", "policy", "simulation", "stability", "exchange", "hands", "log", "staircase"):
+        for name in ("metrics", "policy", "simulation", "stability", "exchange", "hands", "pace", "log", "staircase"):
             self._context.eval((writing.PAGE / f"{name}.js").read_text(encoding="utf-8"))
         car, which = cars.load("compact"), writing.Combination(law, body)
         own, begun = (parameters.plant(car, each, body, {}) for each in (law, module.BEGINNING))

@@ -10,7 +10,7 @@ from steer_env.live.drive.log import Log, columns_of, new_file
 from steer_env.live.real_time import CarConfiguration, CarConfigurations
 from steer_env.live.real_time.model import model_of, step
 from steer_env.live.real_time.recorder import OWN, Recorder
-from steer_env.recording import read
+from steer_env.recording import driven, read
 from steer_env.vehicle import cars, plant, subsystems
 from tests.experiments.explore.engine import engine
 
@@ -192,3 +192,37 @@ def test_packed_numbers_say_whether_hands_hold_the_wheel():
     held, free = numbers(p), numbers(p._replace(robot=0.0))
     assert end == at + 1
     assert np.flatnonzero(held != free).tolist() == [at]
+
+
+PACED = """{
+  let clock = 0, next = null;
+  globalThis.performance = { now: () => clock, timeOrigin: 0 };
+  globalThis.clearTimeout = () => {};
+  globalThis.setTimeout = (work) => { next = work; };
+  const told = [], scope = { postMessage: (data) => told.push(data) };
+  steerPace(scope, declared.drive, simulation, exchanging, handing, policies);
+  const send = (data) => scope.onmessage({ data });
+  const module = { structure, wasm: Uint8Array.from(wasm), beginning: Uint8Array.from(beginning), tables: shared };
+  const values = Object.fromEntries(structure.parameters.map((q) => [q.name, q.value]));
+  send({ module });
+  send({ configuration: { index: 0, label: "", key: `${structure.law} ${structure.chassis}`, values } });
+  send({ begin: { index: 0, speed: 100 / 3.6 } });
+  send({ go: true });
+  turns.forEach((turn, k) => {
+    clock += turn;
+    if (k === goes) send({ go: true });
+    else next();
+  });
+  return told.map(({ stands, samples, largest }) =>
+    ({ stands, largest, missed: samples && Array.from(samples).filter((_, k) => k % logging.width === 0) }));
+}"""
+
+
+def test_a_drive_does_every_sample_that_is_due_and_stands_where_it_comes_too_late():
+    """Turns of a clock of our own [ms]: two in time, one late, one too late, and one on which the drive goes on."""
+    late, halt = driven.STOOD * 1e3 - 1.0, driven.STOOD * 1e3 + 1.0
+    told = engine("lugre", "single_track").value(PACED, turns=[4.0, 4.5, late, halt, 300.0, 4.0], goes=4)
+    assert [len(each.get("missed") or []) for each in told] == [4, 4, 99, 0, 4]
+    assert [each.get("stands") for each in told] == [None, None, None, "slow", None]
+    assert told[2]["largest"] == pytest.approx(late + 0.5)
+    assert told[-1]["missed"] == [300.0, 0.0, 0.0, 0.0]
