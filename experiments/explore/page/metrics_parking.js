@@ -19,14 +19,16 @@ function steerParking(tools, all) {
         return sign * median(angle.filter((v) => sign * v >= PARKING.AT_LOCK * most).map((v) => sign * v));
       });
       const lock = 0.5 * (left - right), travel = angle.map((v) => (v - 0.5 * (left + right)) / Math.max(lock, 1e-9));
-      /** @type {{from: number, to: number, side: number, travel: Float64Array}[]} */
+      /** @type {{from: number, to: number, side: number, times: Float64Array, farthest: Float64Array}[]} */
       this.sweeps = [];
       let before = -1;
       for (let i = 0; i < travel.length; i++) {
         if (Math.abs(travel[i]) < PARKING.END) continue;
         if (before >= 0 && travel[before] * travel[i] < 0) {
           const side = Math.sign(travel[i] - travel[before]);
-          this.sweeps.push({ from: before, to: i + 1, side, travel: travel.slice(before, i + 1).map((v) => side * v) });
+          const farthest = travel.slice(before, i + 1), from = before;
+          farthest.forEach((v, k) => { farthest[k] = Math.max(side * v, farthest[k - 1] ?? -Infinity); });
+          this.sweeps.push({ from, to: i + 1, side, farthest, times: farthest.map((_, k) => time(from + k)) });
         }
         before = i;
       }
@@ -47,13 +49,9 @@ function steerParking(tools, all) {
 
     /** Means over time between consecutive places of the travel. @param {Float64Array[]} efforts @param {number[]} edges */
     between(efforts, edges) {
-      return this.sweeps.map(({ from, travel }, k) => {
-        const values = efforts[k], times = Float64Array.from(values, (_, i) => time(from + i));
-        const farthest = travel.slice(), total = new Float64Array(values.length);
-        for (let i = 1; i < values.length; i++) {
-          farthest[i] = Math.max(farthest[i], farthest[i - 1]);
-          total[i] = total[i - 1] + (0.5 * (values[i] + values[i - 1])) / rate;
-        }
+      return this.sweeps.map(({ times, farthest }, k) => {
+        const values = efforts[k], total = new Float64Array(values.length);
+        for (let i = 1; i < values.length; i++) total[i] = total[i - 1] + (0.5 * (values[i] + values[i - 1])) / rate;
         const at = edges.map((edge) => interpolated(edge, farthest, times));
         const sums = at.map((t) => interpolated(t, times, total));
         return at.slice(1).map((t, i) => (sums[i + 1] - sums[i]) / (t - at[i]));
@@ -141,12 +139,14 @@ function steerParking(tools, all) {
       j ^= bit;
       if (i < j) [re[i], re[j], im[i], im[j]] = [re[j], re[i], im[j], im[i]];
     }
+    const cos = Float64Array.from({ length: n / 2 }, (_, k) => Math.cos((2 * Math.PI * k) / n));
+    const sin = Float64Array.from({ length: n / 2 }, (_, k) => -Math.sin((2 * Math.PI * k) / n));
     for (let size = 2; size <= n; size *= 2) {
-      const half = size >> 1;
-      for (let k = 0; k < half; k++) {
-        const c = Math.cos((2 * Math.PI * k) / size), s = -Math.sin((2 * Math.PI * k) / size);
-        for (let a = k; a < n; a += size) {
-          const b = a + half, u = re[b] * c - im[b] * s, v = re[b] * s + im[b] * c;
+      const half = size >> 1, stride = n / size;
+      for (let start = 0; start < n; start += size) {
+        for (let k = 0, a = start; k < half; k++, a++) {
+          const c = cos[k * stride], s = sin[k * stride], b = a + half;
+          const u = re[b] * c - im[b] * s, v = re[b] * s + im[b] * c;
           re[b] = re[a] - u;
           im[b] = im[a] - v;
           re[a] += u;

@@ -28,6 +28,8 @@ function steerRelease(tools, all) {
       this.side = this.mean(ANGLE, HANDS.BEFORE[0], HANDS.BEFORE[1]).map(Math.sign);
       this.held(TORQUE);
       this.held(ANGLE);
+      /** @type {number[][] | undefined} */
+      this.fits = undefined;
     }
 
     /** Time from the start of an event and the channel there. @param {string} name @param {number} event
@@ -88,7 +90,8 @@ function steerRelease(tools, all) {
 
     /** Damping ratio and natural frequency [Hz] of the oscillation after each event. */
     decays() {
-      return this.opposite().map(([t], k) => fit(this.section(YAW, k, t, Math.min(t + CONTROL.FITTED, CONTROL.FREE))));
+      const end = (/** @type {number} */ t) => Math.min(t + CONTROL.FITTED, CONTROL.FREE);
+      return (this.fits ??= this.opposite().map(([t], k) => fit(this.section(YAW, k, t, end(t)))));
     }
   }
 

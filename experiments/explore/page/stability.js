@@ -255,10 +255,21 @@ function steerStability(constants, functions) {
   const scaled = (p, names, factor) => ({ ...p, gains: Object.fromEntries(Object.entries(p.gains).map(([name, gain]) =>
     [name, names.includes(name) ? gain.map((v) => factor * v) : gain])) });
 
+  /** Reasons that were found; the friction law, for one, does not change them. @type {Map<string, string>} */
+  const known = new Map();
+
   /** Why the loop is unstable and what helps, in Python's words; empty where it is stable. @param {Places} places
       @param {Float64Array} numbers @param {number} speed [m/s] @param {boolean} free whether the handwheel is */
   function reason(places, numbers, speed, free) {
-    const p = read(places, numbers), calm = (/** @type {Loop} */ loop) => stable(loop, speed, free);
+    const p = read(places, numbers), key = JSON.stringify([p, speed, free]);
+    if (known.size > 20) known.clear();
+    if (!known.has(key)) known.set(key, found(p, speed, free));
+    return /** @type {string} */ (known.get(key));
+  }
+
+  /** @param {Loop} p @param {number} speed [m/s] @param {boolean} free */
+  function found(p, speed, free) {
+    const calm = (/** @type {Loop} */ loop) => stable(loop, speed, free);
     if (calm(p)) return "";
     const text = `the assist loop is unstable at ${Number((3.6 * speed).toPrecision(4))} km/h ` +
       (free ? "with the hands off" : "with the handwheel held");

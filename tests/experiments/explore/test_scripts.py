@@ -19,7 +19,8 @@ ANSWER = """{
   const amplitude = whole(simulation.findAmplitude(car, numbers, m, 0.2));
   const own = ["lateral_speed", "longitudinal_speed"].filter((each) => structure.channels.includes(each));
   const channels = whole(simulation.drive(car, numbers, m.whole, amplitude, [...new Set([...m.channels, ...own])]));
-  channels.vehicle_speed = channels.longitudinal_speed ?? new Float64Array(m.whole.samples).fill(values.speed_kph / 3.6);
+  const held = new Float64Array(m.whole.samples).fill(values.speed_kph / 3.6);
+  channels.vehicle_speed = channels.longitudinal_speed ?? held;
   const thin = ([name, all]) => [name, all.filter((_, i) => i % THIN === THIN - 1)];
   return { amplitude, channels: Object.fromEntries(Object.entries(channels).map(thin)),
            values: metrics.evaluate(readers[m.reader], channels, m.whole, m.metrics).values };
