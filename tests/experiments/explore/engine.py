@@ -10,11 +10,14 @@ from steer_env.friction.numerics.packing import pack
 from steer_env.vehicle import cars
 
 START = """
-const simulation = steerSimulation(), metrics = steerMetrics(declared.loops), stability = steerStability();
+const { drives } = declared, { constants } = drives;
+const simulation = steerSimulation(drives.rate, drives.regrip), metrics = steerMetrics(drives.filters, drives.rate);
+const stability = steerStability(constants.stability, drives.functions), readers = Object.fromEntries(
+  Object.entries(STEER_READERS).map(([name, reader]) => [name, reader(metrics, constants)]));
 const modules = [wasm, beginning].map((bytes) => new WebAssembly.Module(Uint8Array.from(bytes)));
 const imports = modules.flatMap((one) => WebAssembly.Module.imports(one).map(({ name }) => name));
 const shared = Float64Array.from(tables), begun = new simulation.Beginning(structure, modules[1], shared);
-const car = new simulation.Car(structure, modules[0], begun, shared), { weave } = declared;
+const car = new simulation.Car(structure, modules[0], begun, shared);
 function whole(steps) {
   let step;
   do step = steps.next();
@@ -29,8 +32,9 @@ class Engine:
 
     def __init__(self, law, body):
         self._context = MiniRacer()
-        for name in ("metrics", "simulation", "stability"):
-            self._context.eval((writing.PAGE / f"{name}.js").read_text(encoding="utf-8"))
+        for name in ("metrics*", "simulation", "stability", "worker"):
+            for file in sorted(writing.PAGE.glob(f"{name}.js")):
+                self._context.eval(file.read_text(encoding="utf-8"))
         car, which = cars.load("compact"), writing.Combination(law, body)
         own, begun = (parameters.plant(car, each, body, {}) for each in (law, module.BEGINNING))
         self.structure = writing.structure(car, which)
