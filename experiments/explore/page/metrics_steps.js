@@ -27,6 +27,14 @@ function steerSteps(tools, all) {
       this.channels = channels;
       this.smooth = smoothed(channels, cutoff);
       this.steps = steps ?? found(this.smooth(ANGLE));
+      /** @type {Map<string, any>} */
+      this.kept = new Map();
+    }
+
+    /** @template T @param {string} key @param {() => T} make @returns {T} */
+    once(key, make) {
+      if (!this.kept.has(key)) this.kept.set(key, make());
+      return this.kept.get(key);
     }
 
     /** Time from the start of a step, and a channel less its mean before, positive in the step's direction.
@@ -49,7 +57,7 @@ function steerSteps(tools, all) {
 
     /** @param {string} name */
     steady(name) {
-      const values = this.steadyOf(this.smooth(name));
+      const values = this.once(`steady ${name}`, () => this.steadyOf(this.smooth(name)));
       if (mean(values) <= 0) throw new Refused(`${name} does not follow ${ANGLE}`);
       return values;
     }
@@ -59,11 +67,10 @@ function steerSteps(tools, all) {
 
     /** Responses over their steady values. @param {string} name */
     relative(name) {
-      const steady = this.steady(name);
-      return this.steps.map((step, k) => {
-        const { t, y } = this.response(this.smooth(name), step);
-        return { t, y: y.map((v) => v / steady[k]) };
-      });
+      return this.once(`relative ${name}`, () => this.steady(name).map((level, k) => {
+        const { t, y } = this.response(this.smooth(name), this.steps[k]);
+        return { t, y: y.map((v) => v / level) };
+      }));
     }
 
     /** @param {string} name */
@@ -81,15 +88,16 @@ function steerSteps(tools, all) {
 
     /** Time and height of the peak of each response. @param {string} name */
     peak(name) {
-      return this.relative(name).map(({ t, y }) => {
+      return this.once(`peak ${name}`, () => this.relative(name).map(({ t, y }) => {
         const early = t.filter((at) => at < t[t.length - 1] - STEP.STEADY).length;
         return peak(t.slice(0, early), y.slice(0, early), 1);
-      });
+      }));
     }
 
     /** Time until the response stays within 5 % of its steady value, low-passed further. @param {string} name */
     settlingTime(name) {
-      const calm = new Steps(this.channels, this.steps, STEP.SETTLING_CUTOFF), each = calm.relative(name);
+      const calm = this.once("calm", () => new Steps(this.channels, this.steps, STEP.SETTLING_CUTOFF));
+      const each = calm.relative(name);
       const size = Math.min(...each.map(({ y }) => y.length)), { t } = /** @type {any} */ (each.find(({ y }) => y.length === size));
       const all = each.map((one) => Float64Array.from(t, (at) => tools.interpolated(at, one.t, one.y) - 1));
       const middle = all[0].map((_, i) => mean(all.map((y) => y[i])));

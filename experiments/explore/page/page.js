@@ -111,7 +111,7 @@ async function steerDeclared(declared) {
   function follow(answer) {
     const next = answer.exact ? answer.amplitude : answer.next;
     if (answer.failed) delete amplitudes[answer.manoeuvre];
-    else if (next > 0 && next < MOST) amplitudes[answer.manoeuvre] = next;
+    else if (manoeuvres[answer.manoeuvre].target === null || (next > 0 && next < MOST)) amplitudes[answer.manoeuvre] = next;
   }
 
   /** Drive what is shown now, in place of what is under way. */
