@@ -1,5 +1,6 @@
-"""The page of ``steer-env explore`` in Chromium: how soon it shows the car, and how soon it follows a slider."""
+"""The page of ``steer-env explore`` in Chromium: how soon it shows and follows, and how large it is."""
 
+import gzip
 import tempfile
 import time
 from collections.abc import Iterator
@@ -35,9 +36,10 @@ MOVED = """(async () => {
 
 
 def rows() -> Iterator[Row]:
-    """Start from disk to the first loops, and the time from a move of a slider to the redrawn weave, each chassis."""
+    """Sizes; on each chassis start from disk to the first loops, and time from a slider's move to the redrawn weave."""
     with tempfile.TemporaryDirectory() as folder:
         page = explore.explore(Path(folder, "page"), friction=["lugre"])
+        yield from _sizes(page.parent)
         for chassis in ("single_track", "two_track"):
             address = f"{page.as_uri()}#law=lugre&chassis={chassis}"
             starts = [_start(address, Path(folder, f"{chassis}{k}")) for k in range(STARTS)]
@@ -48,6 +50,21 @@ def rows() -> Iterator[Row]:
                 taken: Any = browser.value(MOVED % MOVES)
             yield _time(f"slider to redrawn weave, {chassis}, median", float(np.median(taken)), 30.0)
             yield _time(f"slider to redrawn weave, {chassis}, 95th percentile", float(np.quantile(taken, 0.95)), 80.0)
+
+
+def _sizes(folder: Path) -> Iterator[Row]:
+    """What the page loads first, as sent by a host that compresses and on disk, and what a further law adds."""
+    modules = sorted((folder / "modules").iterdir())
+    first = [*(file for file in folder.iterdir() if file.is_file()), *modules[: len(modules) // 2]]  # of one chassis
+    data = [file.read_bytes() for file in first]
+    law = max(len(gzip.compress(file.read_bytes())) for file in modules if "beginning" not in file.name)
+    yield _size("first load, gzipped", sum(len(gzip.compress(each)) for each in data), 1e6)
+    yield _size("first load, on disk", sum(map(len, data)), 2e6)
+    yield _size("a further law, gzipped", law, 1e5)
+
+
+def _size(what: str, value: float, most: float) -> Row:
+    return Row(what, f"{value / 1e3:.0f} kB", f"<= {most / 1e3:g} kB", verdict(value <= most))
 
 
 def _start(address: str, profile: Path) -> float:

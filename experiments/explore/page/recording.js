@@ -12,11 +12,11 @@
 function steerRecordingReader(settings) {
   const SLICE = 1 << 18;  // bytes that are read at a time
   const LONGEST_LINE = 1 << 16;  // characters; a longer one is no row
-  const { rate } = settings;
+  const { rate } = settings, units = new Map(Object.entries(settings.units));
 
   /** The unit in memory of a spelling, and the size of one: as parse_unit of steer_env.recording.units. @param {string} text */
-  const unitOf = (text) => settings.units[text.replace("²", "2").replace("º", "°").replaceAll("_", "/")
-    .replace(/[\s^*·.]/g, "").replace("/s/s", "/s2")];
+  const unitOf = (text) => units.get(text.replace("²", "2").replace("º", "°").replaceAll("_", "/")
+    .replace(/[\s^*·.]/g, "").replace("/s/s", "/s2"));
 
   /** Name and unit of a column such as "handwheel_angle [deg]" or "handwheel_angle_deg". @param {string} label */
   function column(label) {

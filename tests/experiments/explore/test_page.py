@@ -248,6 +248,21 @@ def choose(browser, name, value):
     )
 
 
+@chromium_needed
+def test_a_phone_has_targets_for_a_finger_and_does_not_scroll_sideways(page, tmp_path):
+    """At least 24 px each way, as WCAG 2.2 asks (2.5.8)."""
+    with Chromium(tmp_path / "profile", 390, 844) as phone:
+        phone.open(address(page))
+        phone.until(READY)
+        small = phone.value(
+            "[...document.querySelectorAll('main :is(button, select, input:not([type=file]), label.file, summary)')]"
+            ".filter((one) => one.checkVisibility()).map((one) => [one.outerHTML, one.getBoundingClientRect()])"
+            ".filter(([, box]) => box.width < 24 || box.height < 24).map(([html]) => html)"
+        )
+        assert small == []
+        assert phone.value("document.documentElement.scrollWidth <= innerWidth")
+
+
 def test_nothing_is_asked_of_a_network(page, browser):
     browser.open(address(page))
     browser.until(READY)
