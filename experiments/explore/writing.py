@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from steer_env.experiments.explore import drives, module, packing, parameters
+from steer_env.experiments.explore import characteristics, drives, module, packing, parameters
 from steer_env.experiments.pages import files
 from steer_env.friction.law import LAWS
 from steer_env.friction.numerics.check import one_of
@@ -37,8 +37,8 @@ MODULES = "modules"
 CONTENTS = frozenset((*(file.name for file in PAGE.iterdir()), MODULES, "declared.js", "tables.js"))
 LAWS_SHOWN = ("lugre", "masing", "dahl", "coulomb", "viscous")  # by default; each is compiled once
 LARGE = 1000  # numbers from which on a table is written once for all modules
-# Parameters on which the stability of the assist's loop depends, and those that the hands need.
-_NAMED = ("column.", "assist.", "robot", "rack_limit", "pinion_radius")
+# Parameters on which the stability of the assist's loop depends, and those that hands and friction need.
+_NAMED = ("column.", "assist.", "robot", "rack_limit", "pinion_radius", "friction_torque_scale")
 
 
 @dataclass(frozen=True)
@@ -178,6 +178,8 @@ def structure(car: Car, which: Combination) -> dict[str, Any]:
         "inputs": subsystem.inputs,
         "channels": [name for name, _ in plant.channels(p)],
         "zeroStates": list(subsystem.zero_states),
+        "memory": module.memory_of(p),
+        "path": module.SAMPLES,
         "places": {name: [at.start, at.stop] for name, at in slices(p).items() if name.startswith(_NAMED)},
         **_begun(car, which, p),
     }
@@ -207,6 +209,7 @@ def declared(car: Car, wanted: Sequence[Combination]) -> dict[str, Any]:
         "beginnings": {body: _beginning(body) for body in bodies},
         "speed": {"name": parameters.SPEED, "unit": parameters.KPH},
         "drives": drives.declared(bodies),
+        "characteristics": characteristics.declared(),
         "noticed": {
             "share": just_noticeable.SHARE,
             "least": just_noticeable.LEAST,
