@@ -2,7 +2,8 @@
 
 "use strict";
 
-/** @typedef {{law: string, chassis: string, values: Record<string, number>}} CarShown a car; values as changed */
+/** @typedef {{law: string, chassis: string, values: Record<string, string | number>}} CarShown a car; values as changed,
+ *  which are texts where an address gives them, since a refusal repeats what was given */
 /** @typedef {CarShown & {manoeuvre: string}} Shown what is driven */
 /** @typedef {{law: string, chassis: string, manoeuvre: string}} Choices */
 
@@ -21,7 +22,7 @@ function steerAddress() {
       @returns {{shown: Shown, pins: Record<string, string>, remarks: string[]}} */
   function read(text, usual, known) {
     const given = new URLSearchParams(text), remarks = [], { law, chassis, manoeuvre } = usual;
-    const shown = { law, chassis, manoeuvre, values: /** @type {Record<string, number>} */ ({}) };
+    const shown = { law, chassis, manoeuvre, values: /** @type {Record<string, string | number>} */ ({}) };
     /** @type {Record<string, string>} */
     const pins = {};
     for (const [name, value] of given) {
@@ -30,7 +31,7 @@ function steerAddress() {
         if (allowed.includes(value)) shown[name] = value;
         else remarks.push(`This page has no ${name} ${value}; it has ${allowed.join(", ")}.`);
       } else if (PINS.includes(name)) pins[name] = value;
-      else shown.values[name] = value.trim() ? Number(value) : NaN;
+      else shown.values[name] = value;
     }
     return { shown, pins, remarks };
   }

@@ -10,7 +10,7 @@ const REST = 250;  // time without a change after which the whole manoeuvre is d
 const FIRST = 0.2, MOST = 6;  // amplitude of the first drive, and the largest that is tried [rad]
 
 /** What is shown, for tests and for the console. @type {any} */
-const steerShown = { structures: new Map(), answer: null, pins: {} };
+const steerShown = { structures: new Map(), answer: null, pins: {}, recording: null };
 
 /** @param {any} declared */
 async function steerDeclared(declared) {
@@ -97,12 +97,14 @@ async function steerDeclared(declared) {
     return Object.fromEntries(parametersOf(of).map((/** @type {Field} */ q) => [q.name, value(q)]));
   }
 
-  /** @param {any} of @param {boolean} exact @param {boolean} kept whether nothing stops it @returns {Promise<any>} */
-  function driven(of, exact, kept) {
+  /** @param {any} of @param {boolean} exact @param {boolean} kept whether nothing stops it
+      @param {boolean} whole whether the answer has every sample @returns {Promise<any>} */
+  function driven(of, exact, kept, whole = false) {
     return new Promise((resolve, reject) => {
       answered.push({ resolve, reject });
       const key = `${of.law} ${chassisOf(of)}`, amplitude = amplitudes[shown.manoeuvre] ?? FIRST;
-      worker.postMessage({ run: { id: ++runs, key, manoeuvre: shown.manoeuvre, values: values(of), amplitude, exact, kept } });
+      const run = { id: ++runs, key, manoeuvre: shown.manoeuvre, values: values(of), amplitude, exact, kept, whole };
+      worker.postMessage({ run });
     });
   }
 
@@ -188,8 +190,8 @@ async function steerDeclared(declared) {
     figure.append(caption, host);
     const paint = pictures.picture(host, axis(across), axis(up), large ? 0.68 : 0.5);
     const scaled = (/** @type {number[]} */ list, /** @type {number} */ by) => list.map((v) => v * by);
-    /** @param {(answer: any) => {x: number[], y: number[]}} taken from an answer */
-    const draw = (taken) => paint(layers().map(({ of, colour, wide }) => {
+    /** @param {(answer: any) => {x: number[], y: number[]}} taken from an answer @param {any} [under] the recording */
+    const draw = (taken, under) => paint([...(under ? [under] : []), ...layers()].map(({ of, colour, wide }) => {
       const curve = taken(of);
       return { x: scaled(curve.x, across.scale), y: scaled(curve.y, up.scale), colour, wide };
     }));
@@ -234,16 +236,34 @@ async function steerDeclared(declared) {
     ];
   }
 
+  const tools = steerMetrics(drives.filters, drives.rate);
+  const ownReaders = Object.fromEntries(readers.map(([name, reader]) => [name, reader(tools, drives.constants)]));
+  const recording = steerRecording(find("recording"), { ...declared.recording, rate: drives.rate },
+    (channels) => tools.evaluate(ownReaders[manoeuvre().reader], channels, manoeuvre().whole, manoeuvre().metrics), draw);
+  steerShown.recording = recording;
+
   function draw() {
     legend();
     if (!latest) return;
+    const laid = recording.laid(latest.shown.time[latest.shown.time.length - 1]);
     for (const { x, y, draw: paint } of shownPictures.get(shown.manoeuvre) ?? []) {
-      paint((/** @type {any} */ answer) => ({ x: answer.shown[x], y: answer.shown[y] }));
+      const of = x === "time" ? laid?.early : laid?.over, there = of?.shown[x].length && of.shown[y].length;
+      const under = there ? { of, colour: pictures.style("--recording"), wide: false } : null;
+      paint((/** @type {any} */ answer) => ({ x: answer.shown[x], y: answer.shown[y] }), under);
     }
     for (const { draw: paint, of } of characteristics) paint((answer) => answer.friction[of]);
-    table.show(manoeuvre().metrics, latest, Object.fromEntries(overlaid()));
+    table.show(manoeuvre().metrics, latest, { ...Object.fromEntries(overlaid()), ...(laid?.over.measured ? { R: laid.over } : {}) });
     main.dataset.run = String(latest.id);
   }
+
+  /** The whole drive of what is shown, with every sample. */
+  async function drive() {
+    const answer = await driven(shown, true, true, true);
+    if (answer.failed) throw new Error(`There is no drive to save. ${why(answer)}`);
+    return answer;
+  }
+  steerDownloads(find("downloads"), declared, () => /** @type {any} */ ({ ...shown, chassis: chassisOf(shown) }),
+    () => values(shown)[speed.name], drive, pictures.visible, told);
 
   /** What is pinned, by what differs from the car. */
   function legend() {
@@ -286,9 +306,9 @@ async function steerDeclared(declared) {
     const kept = {};
     for (const [name, value] of Object.entries(to.values)) {
       const field = parameters.find((/** @type {Field} */ q) => q.name === name);
-      const why = field ? fields.refusal(field, Number(value), String(value)) : `this page has no ${name} here`;
+      const why = field ? fields.refusal(field, steerNumbers.read(String(value)), String(value)) : `this page has no ${name} here`;
       if (why) remarks.push(`${why}; left as the car has it.`);
-      else kept[name] = Number(value);
+      else kept[name] = steerNumbers.read(String(value));
     }
     return { of: { ...to, values: kept }, remarks };
   }
@@ -301,6 +321,7 @@ async function steerDeclared(declared) {
     find("chassis").value = chassisOf(shown);
     for (const option of find("chassis").options) option.disabled = !manoeuvre().chassis.includes(option.value);
     find("about").textContent = declared.laws.find((/** @type {any} */ law) => law.name === shown.law).about;
+    find("downloads").querySelector("[data-file=environment]").disabled = !manoeuvre().speed;  // no task is at standstill
     const fixed = manoeuvre().speed ? {} : { fixed: `The car stands in ${manoeuvre().title}.` };
     fields.show(parametersOf(shown).map((/** @type {Field} */ q) => (q.name === speed.name ? { ...q, ...fixed } : q)), values(shown));
   }
@@ -346,6 +367,7 @@ async function steerDeclared(declared) {
     latest = null;
     notice = "";
     choose({ ...shown, manoeuvre: name });
+    recording.again();
     lay();
     main.classList.add("stale");
     await redraw();

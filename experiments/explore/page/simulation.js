@@ -6,7 +6,7 @@
 /** @typedef {{name: string, low: number, high: number}} SliderRange */
 /** @typedef {{law: string, chassis: string, parameters: SliderRange[], numbers: number[], dependences: Dependence[],
  *             states: number, given: number, inputs: number, channels: string[], zeroStates: number[], memory: number, path: number,
- *             ofLaw: number[], beginning: number[], places: Record<string, [number, number]>}} Structure */
+ *             zeroOutputs: number[], ofLaw: number[], beginning: number[], places: Record<string, [number, number]>}} Structure */
 /** @typedef {{pieces: [number, number[], number[]][], samples: number, released: number[], frequency: number | null,
  *             fewest: number}} Course the motion of the hands at an amplitude of 1; steer_env.experiments.explore.drives */
 /** @typedef {{name: string, speed: number, amplitude: number | null, lock: boolean, target: number | null, reach: string,
@@ -117,6 +117,7 @@ function steerSimulation(rate, regrip) {
       this.inputs.fill(0);
       this.advance(samples);
       for (const place of this.structure.zeroStates) this.state[place] = 0;
+      for (const place of this.structure.zeroOutputs) this.outputs[place] = 0;
     }
 
     /** The torque of the friction law alone along a displacement, from rest, as steer_env.friction.response.

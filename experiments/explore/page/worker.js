@@ -9,7 +9,7 @@
 /** @typedef {Uint8Array<ArrayBuffer>} Wasm */
 /** @typedef {{structure: any, wasm: Wasm, beginning: Wasm, tables: Float64Array}} ModuleMessage */
 /** @typedef {{id: number, key: string, manoeuvre: string, values: Record<string, number>, amplitude: number,
- *             exact: boolean, kept: boolean}} RunMessage */
+ *             exact: boolean, kept: boolean, whole: boolean}} RunMessage `whole`: with every sample in the answer */
 
 /** What reads the metrics, by the names that manoeuvres give; a further kind is a script metrics_*.js and a word here. */
 const STEER_READERS = {
@@ -73,7 +73,8 @@ function steerWorker(scope, declared, simulation, metrics, readers, stability) {
       : manoeuvre.target / simulation.reached(manoeuvre, channels.lateral_acceleration);
     const friction = simulation.characteristics(car, numbers, declared.characteristics);
     const { values, reasons } = found;
-    return { ...base, amplitude, next: amplitude * ratio, shown, values, reasons, refused, friction };
+    const all = run.whole ? { channels } : {};
+    return { ...base, amplitude, next: amplitude * ratio, shown, values, reasons, refused, friction, ...all };
   }
 
   /** Why the assist loop is unstable at one of some speeds [m/s], with the hands as in the manoeuvre; empty where it is
