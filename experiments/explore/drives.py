@@ -47,6 +47,9 @@ DRAWN = {
     YAW: ("yaw rate", "deg/s", 1.0 / DEGREE),
     RACK: ("rack force", "kN", 1e-3),
     "motor_torque": ("motor torque", "N m", 1.0),
+    "friction_torque": ("friction torque", "N m", 1.0),
+    "displacement": ("column displacement", "deg", 1.0 / DEGREE),
+    "sliding_speed": ("sliding speed", "deg/s", 1.0 / DEGREE),
 }
 
 

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from steer_env.experiments.explore import carrying, drives, module, packing, parameters
+from steer_env.experiments.explore import carrying, characteristics, drives, module, packing, parameters, policies
 from steer_env.experiments.pages import files
 from steer_env.friction.law import LAWS
 from steer_env.friction.numerics.check import one_of
@@ -34,11 +34,11 @@ from steer_env.vehicle.subsystems.machine_code import require_compiled
 
 PAGE = Path(__file__).parent / "page"
 MODULES = "modules"
-CONTENTS = frozenset((*(file.name for file in PAGE.iterdir()), MODULES, "declared.js", "tables.js"))
+CONTENTS = frozenset((*(file.name for file in PAGE.iterdir()), MODULES, policies.FOLDER, "declared.js", "tables.js"))
 LAWS_SHOWN = ("lugre", "masing", "dahl", "coulomb", "viscous")  # by default; each is compiled once
 LARGE = 1000  # numbers from which on a table is written once for all modules
-# Parameters on which the stability of the assist's loop depends, and those that the hands need.
-_NAMED = ("column.", "assist.", "robot", "rack_limit", "pinion_radius")
+# Parameters on which the stability of the assist's loop depends, and those that hands and friction need.
+_NAMED = ("column.", "assist.", "robot", "rack_limit", "pinion_radius", "friction_torque_scale")
 
 
 @dataclass(frozen=True)
@@ -114,6 +114,9 @@ def explore(
                 _write(out / _beginning(each.chassis), "steerModule", _packed(module.beginning(p)))
             _write(out / each.file, "steerModule", _module(car, each, shared))
         _write(out / "declared.js", "steerDeclared", declared(car, wanted))
+        (out / policies.FOLDER).mkdir()
+        for env_id in policies.available():
+            _write(out / policies.file_of(env_id), "steerModule", _policy(car, env_id))
         _write(out / "tables.js", "steerTables", {name: _packed(values) for name, values in shared.items()})
         for file in PAGE.iterdir():
             shutil.copyfile(file, out / file.name)
@@ -152,6 +155,14 @@ def _module(car: Car, which: Combination, shared: dict[str, list[float]]) -> dic
     }
 
 
+def _policy(car: Car, env_id: str) -> dict[str, Any]:
+    """A policy as the page loads it, with the paths of the courses if it follows one."""
+    data = policies.described(env_id)
+    ways = policies.paths(car) if data["follows"] else {}
+    packed_ways = {name: _packed(way.ravel()) for name, way in ways.items()}
+    return data | {"weights": _packed(data["weights"].tobytes()), "courses": packed_ways}
+
+
 def _floats(leaf: Leaf) -> list[float]:
     if np.ndim(leaf.value):
         return np.ascontiguousarray(leaf.value).view(np.float64).ravel().tolist()
@@ -178,6 +189,9 @@ def structure(car: Car, which: Combination) -> dict[str, Any]:
         "inputs": subsystem.inputs,
         "channels": [name for name, _ in plant.channels(p)],
         "zeroStates": list(subsystem.zero_states),
+        "zeroOutputs": list(subsystem.zero_outputs),
+        "memory": module.memory_of(p),
+        "path": module.SAMPLES,
         "places": {name: [at.start, at.stop] for name, at in slices(p).items() if name.startswith(_NAMED)},
         **_begun(car, which, p),
     }
@@ -202,13 +216,15 @@ def declared(car: Car, wanted: Sequence[Combination]) -> dict[str, Any]:
         "version": metadata.version("steer-env"),
         "car": {"name": car.name, "description": car.description, **carrying.car_file(car)},
         "files": carrying.files(),
-        "recording": carrying.recording_settings(),
         "laws": [{"name": law, "about": _about(law)} for law in dict.fromkeys(each.law for each in wanted)],
         "chassis": list(bodies),
         "modules": {f"{each.law} {each.chassis}": each.file for each in wanted},
+        "policies": policies.listed(),
         "beginnings": {body: _beginning(body) for body in bodies},
         "speed": {"name": parameters.SPEED, "unit": parameters.KPH},
         "drives": drives.declared(bodies),
+        "characteristics": characteristics.declared(),
+        "recording": carrying.recording_settings(),
         "noticed": {
             "share": just_noticeable.SHARE,
             "least": just_noticeable.LEAST,

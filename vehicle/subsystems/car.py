@@ -45,6 +45,11 @@ def named(name: str) -> Signal:
     return Signal(own, _UNITS[name], meaning, 0.0, *bounds)
 
 
+def given_place(place: int) -> int:
+    """Place among what a subsystem is given of an input of the plant; that of the hands is their torque."""
+    return place if place == HAND else place + 1
+
+
 @kernel
 def advance(p, state, given, inputs, outputs, samples):
     """Advance the car by a communication step of so many samples; whether its state is finite."""

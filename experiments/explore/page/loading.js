@@ -89,10 +89,22 @@ function steerLoading(declared) {
 
   /** A law on a chassis: its structure, and its modules and tables for the worker. @param {string} law
       @param {string} chassis */
-  return async function module(law, chassis) {
+  async function module(law, chassis) {
     const data = await handed(declared.modules[`${law} ${chassis}`]);
     const begun = await handed(declared.beginnings[chassis]);
     const [wasm, beginning] = await Promise.all([data.wasm, begun].map(steerUnpacked));
     return { structure: data.structure, wasm, beginning, tables: await joined(data.tables) };
-  };
+  }
+
+  /** A policy for the worker, with its weights, and the paths of the courses by their names if it follows one; policy.js
+      says what they are. @param {string} file of declared.policies */
+  async function policy(file) {
+    const data = await handed(file);
+    const bytes = async (/** @type {string} */ text) => (await steerUnpacked(text)).buffer;
+    const courses = await Promise.all(Object.entries(data.courses).map(async ([name, text]) =>
+      [name, new Float64Array(await bytes(text))]));
+    return { data, weights: new Float32Array(await bytes(data.weights)), courses: Object.fromEntries(courses) };
+  }
+
+  return Object.assign(module, { policy });
 }

@@ -78,11 +78,17 @@ function steerMetrics(filters, rate) {
     return y.subarray(edge, n + edge).reverse();
   }
 
+  /** A channel, which a recording may lack. @param {Channels} channels @param {string} name */
+  function channel(channels, name) {
+    if (!(name in channels)) throw new Refused(`there is no channel ${name}`);
+    return channels[name];
+  }
+
   /** Channels by name, low-passed when asked for. @param {Channels} channels @param {number} cutoff [Hz] */
   function smoothed(channels, cutoff) {
     /** @type {Channels} */
     const kept = {};
-    return (/** @type {string} */ name) => (kept[name] ??= lowPassed(channels[name], cutoff));
+    return (/** @type {string} */ name) => (kept[name] ??= lowPassed(channel(channels, name), cutoff));
   }
 
   /** Instant of a sample [s]. @param {number} i */
@@ -171,7 +177,8 @@ function steerMetrics(filters, rate) {
   /** Every metric in the unit of the reports, or why there is none.
       @param {Reader} reader @param {Channels} channels @param {Repeats} course @param {Wanted[]} wanted
       @param {string} refused why there is none at all; empty where there may be some
-      @returns {{values: Record<string, number>, reasons: Record<string, string>}} */
+      @returns {{values: Record<string, number>, reasons: Record<string, string>, reading: any}} the reading is null where
+      there is none */
   function evaluate(reader, channels, course, wanted, refused = "") {
     /** @type {Record<string, number>} */
     const values = {};
@@ -204,11 +211,11 @@ function steerMetrics(filters, rate) {
         reasons[name] = error.message;
       }
     }
-    return { values, reasons };
+    return { values, reasons, reading };
   }
 
   return {
-    Refused, mean, extremes, quantile, median, lowPassed, smoothed, time, rate, gradient, runs, interpolated, crossing,
+    Refused, mean, extremes, quantile, median, lowPassed, channel, smoothed, time, rate, gradient, runs, interpolated, crossing,
     solved, polynomial, evaluate,
   };
 }

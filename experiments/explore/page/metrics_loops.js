@@ -10,7 +10,7 @@
 /** @param {Tools} tools @param {Record<string, any>} all constants of the Python modules by their names
     @returns {Reader} */
 function steerLoops(tools, all) {
-  const { Refused, mean, median, extremes, lowPassed, rate } = tools, constants = all.loops;
+  const { Refused, mean, median, extremes, lowPassed, channel, rate } = tools, constants = all.loops;
   const ANGLE = "handwheel_angle", TORQUE = "handwheel_torque", AY = "lateral_acceleration", YAW = "yaw_rate";
   const SAMPLES = constants.SAMPLES, HALF = SAMPLES / 2, G = constants.G;
 
@@ -109,7 +109,7 @@ function steerLoops(tools, all) {
     }
 
     /** @param {string} name */
-    smooth(name) { return this.once(`smooth ${name}`, () => lowPassed(this.channels[name], constants.CUTOFF)); }
+    smooth(name) { return this.once(`smooth ${name}`, () => lowPassed(channel(this.channels, name), constants.CUTOFF)); }
 
     /** A low-passed channel at the instants of the cycles, by a cubic spline. @param {Float64Array} filtered */
     sampled(filtered) {
@@ -242,7 +242,7 @@ function steerLoops(tools, all) {
         for (let i = 1; i < HALF; i++) {
           if (Math.abs(mean[i] - mean[i + HALF]) > Math.abs(mean[k] - mean[k + HALF])) k = i;
         }
-        const sharp = this.withoutDrift(this.sampled(lowPassed(this.channels[name], constants.PEAK_CUTOFF)));
+        const sharp = this.withoutDrift(this.sampled(lowPassed(channel(this.channels, name), constants.PEAK_CUTOFF)));
         const cycles = this.settled(sharp, 0);
         return Array.from({ length: this.count }, (_, n) =>
           Math.abs(cycles[n * SAMPLES + k] - cycles[n * SAMPLES + k + HALF]) / 2);

@@ -31,11 +31,12 @@ async function steerDeclared(declared) {
   const readers = Object.entries(STEER_READERS);
   const functions = [steerMetrics, steerSimulation, steerStability, steerWorker, ...readers.map(([, reader]) => reader)];
   const text = [
-    `const drives = ${JSON.stringify(drives)}, { rate, constants } = drives;`,
+    `const declared = ${JSON.stringify({ drives, speed, characteristics: declared.characteristics })};`,
+    "const { drives } = declared, { rate, constants } = drives;",
     ...functions.map(String),
     "const metrics = steerMetrics(drives.filters, rate);",
     `const readers = { ${readers.map(([name, reader]) => `${name}: ${reader.name}(metrics, constants)`)} };`,
-    `steerWorker(self, drives, ${JSON.stringify(speed)}, steerSimulation(rate, drives.regrip), metrics, readers,`,
+    "steerWorker(self, declared, steerSimulation(rate, drives.regrip), metrics, readers,",
     "  steerStability(constants.stability, drives.functions));",
   ].join("\n");
   const worker = new Worker(URL.createObjectURL(new Blob([`"use strict";\n${text}`], { type: "text/javascript" })));
@@ -175,6 +176,35 @@ async function steerDeclared(declared) {
     draw();
   }
 
+  /** A figure of a quantity over another, with what draws it. @param {string} x @param {string} y @param {boolean} large
+      @param {string} [title] */
+  function figured(x, y, large, title) {
+    const figure = document.createElement("figure"), caption = document.createElement("figcaption");
+    const host = document.createElement("div"), [across, up] = [x, y].map((each) => drives.drawn[each]);
+    const axis = (/** @type {any} */ each) => `${each.label} [${each.unit}]`;
+    caption.textContent = title ?? `${up.label[0].toUpperCase()}${up.label.slice(1)} over ${across.label}`;
+    caption.id = `picture-${++figures}`;
+    host.setAttribute("role", "img");
+    host.setAttribute("aria-labelledby", caption.id);
+    figure.className = large ? "loop" : "history";
+    figure.append(caption, host);
+    const paint = pictures.picture(host, axis(across), axis(up), large ? 0.68 : 0.5);
+    const scaled = (/** @type {number[]} */ list, /** @type {number} */ by) => list.map((v) => v * by);
+    /** @param {(answer: any) => {x: number[], y: number[]}} taken from an answer @param {any} [under] the recording */
+    const draw = (taken, under) => paint([...(under ? [under] : []), ...layers()].map(({ of, colour, wide }) => {
+      const curve = taken(of);
+      return { x: scaled(curve.x, across.scale), y: scaled(curve.y, up.scale), colour, wide };
+    }));
+    return { figure, large, draw };
+  }
+
+  let figures = 0;
+  const characteristics = [
+    { ...figured("displacement", "friction_torque", false), of: "loop" },
+    { ...figured("sliding_speed", "friction_torque", false), of: "sliding" },
+  ];
+  find("characteristics").append(...characteristics.map(({ figure }) => figure));
+
   /** The pictures of each manoeuvre, made when it is first shown. @type {Map<string, any[]>} */
   const shownPictures = new Map();
 
@@ -182,19 +212,8 @@ async function steerDeclared(declared) {
   function lay() {
     const { name, pictures: pairs } = manoeuvre();
     if (!shownPictures.has(name)) {
-      shownPictures.set(name, pairs.map((/** @type {[string, string]} */ [x, y], /** @type {number} */ k) => {
-        const figure = document.createElement("figure"), caption = document.createElement("figcaption");
-        const host = document.createElement("div"), large = k < 2, [across, up] = [x, y].map((each) => drives.drawn[each]);
-        caption.textContent = `${up.label[0].toUpperCase()}${up.label.slice(1)} over ${across.label}`;
-        caption.id = `picture-${name}-${k}`;
-        host.setAttribute("role", "img");
-        host.setAttribute("aria-labelledby", caption.id);
-        figure.className = large ? "loop" : "history";
-        figure.append(caption, host);
-        const axis = (/** @type {any} */ each) => `${each.label} [${each.unit}]`;
-        return { x, y, figure, large, scale: [across.scale, up.scale],
-          draw: pictures.picture(host, axis(across), axis(up), large ? 0.68 : 0.5) };
-      }));
+      shownPictures.set(name, pairs.map((/** @type {[string, string]} */ [x, y], /** @type {number} */ k) =>
+        ({ x, y, ...figured(x, y, k < 2) })));
     }
     const all = shownPictures.get(name) ?? [];
     find("large").replaceChildren(...all.filter(({ large }) => large).map(({ figure }) => figure));
@@ -208,6 +227,15 @@ async function steerDeclared(declared) {
   const overlaid = () => Object.entries(pins).map(([name, pin]) => /** @type {[string, any]} */ ([name, pin.answer]))
     .filter(([, answer]) => answer.manoeuvre === shown.manoeuvre);
 
+  /** What is laid over one another: the pinned cars, and the one that is changed. */
+  function layers() {
+    const colours = ["--pin-a", "--pin-b", "--pin-c"].map(pictures.style);
+    return [
+      ...overlaid().map(([name, of]) => ({ of, colour: colours[address.PINS.indexOf(name)], wide: false })),
+      { of: latest, colour: pictures.style("--accent"), wide: true },
+    ];
+  }
+
   const recording = steerRecording(find("recording"), declared.recording, drives, draw);
   steerShown.laid = () => recording.laid(manoeuvre());
 
@@ -215,17 +243,12 @@ async function steerDeclared(declared) {
     legend();
     if (!latest) return;
     const laid = recording.laid(manoeuvre());
-    const colours = ["--pin-a", "--pin-b", "--pin-c"].map(pictures.style);
-    const all = [
-      ...overlaid().map(([name, of]) => ({ of, colour: colours[address.PINS.indexOf(name)], wide: false })),
-      { of: latest, colour: pictures.style("--accent"), wide: true },
-    ];
-    const scaled = (/** @type {number[]} */ list, /** @type {number} */ by) => list.map((v) => v * by);
-    for (const { x, y, scale, large, draw: paint } of shownPictures.get(shown.manoeuvre) ?? []) {
-      const of = large ? laid?.over : laid?.early, both = of?.shown[x].length && of.shown[y].length;
-      const over = both ? [{ of, colour: pictures.style("--recording"), wide: false }] : [];
-      paint([...over, ...all].map(({ of, colour, wide }) => ({ x: scaled(of.shown[x], scale[0]), y: scaled(of.shown[y], scale[1]), colour, wide })));
+    for (const { x, y, draw: paint } of shownPictures.get(shown.manoeuvre) ?? []) {
+      const of = x === "time" ? laid?.early : laid?.over, there = of?.shown[x].length && of.shown[y].length;
+      const under = there ? { of, colour: pictures.style("--recording"), wide: false } : null;
+      paint((/** @type {any} */ answer) => ({ x: answer.shown[x], y: answer.shown[y] }), under);
     }
+    for (const { draw: paint, of } of characteristics) paint((answer) => answer.friction[of]);
     const others = laid?.measured ? [...overlaid(), ["R", laid.measured]] : overlaid();
     table.show(manoeuvre().metrics, latest, Object.fromEntries(others));
     main.dataset.run = String(latest.id);

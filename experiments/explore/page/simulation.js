@@ -5,12 +5,15 @@
 /** @typedef {{parameters: number[], degrees: number[], places: number[], coefficients: number[][]}} Dependence */
 /** @typedef {{name: string, low: number, high: number}} SliderRange */
 /** @typedef {{law: string, chassis: string, parameters: SliderRange[], numbers: number[], dependences: Dependence[],
- *             states: number, given: number, inputs: number, channels: string[], zeroStates: number[],
- *             ofLaw: number[], beginning: number[], places: Record<string, [number, number]>}} Structure */
+ *             states: number, given: number, inputs: number, channels: string[], zeroStates: number[], memory: number, path: number,
+ *             zeroOutputs: number[], ofLaw: number[], beginning: number[], places: Record<string, [number, number]>}} Structure */
 /** @typedef {{pieces: [number, number[], number[]][], samples: number, released: number[], frequency: number | null,
  *             fewest: number}} Course the motion of the hands at an amplitude of 1; steer_env.experiments.explore.drives */
 /** @typedef {{name: string, speed: number, amplitude: number | null, lock: boolean, target: number | null, reach: string,
  *             trial: number, whole: Course, moving: Course}} Manoeuvre */
+
+/** @typedef {{loop: {x: number[], step: number}, slide: number[], speeds: number[], steps: number[]}} Characteristics
+ *             displacements [rad] with times between them [s], and speeds [rad/s] */
 
 /** @param {number} rate samples in a second @param {number} regrip time after which a robot that grips again has its
     prescribed angle [s] */
@@ -93,8 +96,9 @@ function steerSimulation(rate, regrip) {
     constructor(structure, module, beginning, tables) {
       this.structure = structure;
       this.beginning = beginning;
-      const { numbers, states, given, inputs, channels } = structure;
-      const sizes = [1, 1, numbers.length, tables.length, states, given, inputs, channels.length];
+      const { numbers, states, given, inputs, channels, memory, path } = structure;
+      const sizes = [1, 1, numbers.length, tables.length, states, given, inputs, channels.length, memory, 2 * path, path,
+        1, path];
       this.instance = new Instance(module, sizes);
       const { arrays } = this.instance;
       this.numbers = arrays[2];
@@ -113,14 +117,39 @@ function steerSimulation(rate, regrip) {
       this.inputs.fill(0);
       this.advance(samples);
       for (const place of this.structure.zeroStates) this.state[place] = 0;
+      for (const place of this.structure.zeroOutputs) this.outputs[place] = 0;
+    }
+
+    /** The torque of the friction law alone along a displacement, from rest, as steer_env.friction.response.
+        @param {Float64Array} numbers @param {number[]} x displacement [rad] @param {number} step [s] */
+    friction(numbers, x, step) {
+      const { at, arrays, exports } = this.instance, [memory, scales, path, time, torque] = arrays.slice(8);
+      this.numbers.set(numbers);
+      memory.fill(0);
+      scales.fill(numbers[this.structure.places.friction_torque_scale[0]]);
+      path.set(x);
+      time[0] = step;
+      torque[0] = 0;
+      exports.steer_friction(at[0], at[1], at[2] + 8 * this.structure.ofLaw[0], at[3], ...at.slice(8));
+      return torque.slice();
     }
 
     /** Advance by so many milliseconds; whether every state is finite. @param {number} samples */
     advance(samples) {
       const { at, exports, word } = this.instance;
-      exports.steer_advance(...at, BigInt(samples));
+      exports.steer_advance(...at.slice(0, 8), BigInt(samples));
       return word[0] !== 0;
     }
+  }
+
+  /** What a friction law does alone: its loop, and its torque in steady sliding. @param {Car} car
+      @param {Float64Array} numbers @param {Characteristics} of */
+  function characteristics(car, numbers, { loop, slide, speeds, steps }) {
+    const back = slide.map((x) => -x), last = slide.length - 1;
+    return {
+      loop: { x: loop.x, y: Array.from(car.friction(numbers, loop.x, loop.step)) },
+      sliding: { x: speeds, y: speeds.map((v, k) => car.friction(numbers, v < 0 ? back : slide, steps[k])[last]) },
+    };
   }
 
   /** Sum of Chebyshev's polynomials with coefficients. @param {number[]} c @param {number} t */
@@ -233,5 +262,5 @@ function steerSimulation(rate, regrip) {
     return manoeuvre.amplitude;
   }
 
-  return { packed, Beginning, Car, motion, drive, reached, prescribed, findAmplitude };
+  return { packed, Beginning, Car, characteristics, motion, drive, reached, prescribed, findAmplitude };
 }

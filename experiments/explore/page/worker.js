@@ -16,12 +16,11 @@ const STEER_READERS = {
   loops: steerLoops, release: steerRelease, steps: steerSteps, parking: steerParking, sweeps: steerSweeps,
 };
 
-/** @param {any} scope @param {any} drives what steer_env.experiments.explore.drives declares
-    @param {{name: string, unit: number}} speed its parameter, and how many m/s its unit has
-    @param {any} simulation @param {any} metrics @param {Record<string, Reader>} readers @param {any} stability */
-function steerWorker(scope, drives, speed, simulation, metrics, readers, stability) {
+/** @param {any} scope @param {any} declared what Python declares @param {any} simulation @param {any} metrics
+    @param {Record<string, Reader>} readers @param {any} stability */
+function steerWorker(scope, declared, simulation, metrics, readers, stability) {
   const ALWAYS = ["longitudinal_speed", "lateral_speed"];  // of the chassis that have them: whether the car spins
-  const cars = new Map(), channel = new MessageChannel();
+  const { drives, speed } = declared, cars = new Map(), channel = new MessageChannel();
   let stopped = false, last = Promise.resolve();
 
   /** Let messages come in. @returns {Promise<void>} */
@@ -72,8 +71,10 @@ function steerWorker(scope, drives, speed, simulation, metrics, readers, stabili
     shown.time = Array.from(shown.vehicle_speed, (_, i) => (manoeuvre.section ? from + 1 : 0) / drives.rate + (i * thin) / drives.rate);
     const ratio = manoeuvre.target === null ? 1
       : manoeuvre.target / simulation.reached(manoeuvre, channels.lateral_acceleration);
-    return { ...base, amplitude, next: amplitude * ratio, shown, values: found.values, reasons: found.reasons, refused,
-      ...(run.whole ? { channels } : {}) };
+    const friction = simulation.characteristics(car, numbers, declared.characteristics);
+    const { values, reasons } = found;
+    const all = run.whole ? { channels } : {};
+    return { ...base, amplitude, next: amplitude * ratio, shown, values, reasons, refused, friction, ...all };
   }
 
   /** Why the assist loop is unstable at one of some speeds [m/s], with the hands as in the manoeuvre; empty where it is

@@ -83,6 +83,12 @@ def write_shares(rates, inertia, dt, seen, memory, out):
         out[i] = held / (held + GRIP * GRIP) * calm / (calm + disturbed)
 
 
+def rates_at(dt: float, caution: float) -> tuple[float, float, float, float, float]:
+    """What :func:`write_shares` needs at steps of ``dt`` [s]: two shares of filters, two of decay, the caution [1]."""
+    hands, corner = (1.0 - math.exp(-2.0 * math.pi * f * dt) for f in (HANDS_BANDWIDTH, CORNER))
+    return hands, corner, math.exp(-dt / GRIP_TIME), math.exp(-dt / MOTION_TIME), caution
+
+
 class Feel:
     """The reference feel, and how far an assist may make the hand torque follow it; for ``n`` rows.
 
@@ -96,8 +102,7 @@ class Feel:
 
     def __init__(self, batch: Any, caution: float) -> None:
         self._inertia, self._dt = batch.car.column.I1, batch.control_dt
-        hands, corner = (1.0 - math.exp(-2.0 * math.pi * f * self._dt) for f in (HANDS_BANDWIDTH, CORNER))
-        self._rates = hands, corner, math.exp(-self._dt / GRIP_TIME), math.exp(-self._dt / MOTION_TIME), caution
+        self._rates = rates_at(self._dt, caution)
         self._memory = np.zeros((batch.n, _SIZE))
 
     def begin(self, i: int, handwheel_speed: float) -> None:

@@ -69,11 +69,11 @@ class AssistCones(NamedTuple):
 
 
 @lru_cache(maxsize=16)
-def _course(manoeuvre: str, size: iso3888.Outline) -> tuple[Array, Array, float]:
+def course(manoeuvre: str, size: iso3888.Outline) -> tuple[Array, Array, float]:
     """Path (P, 4), cones (N, 2) and the end of a course to the left that begins ``APPROACH`` after the start."""
-    course = iso3888.course(manoeuvre, size.width)
-    whole = iso3888.path(course, size) + np.array([APPROACH, 0.0])
-    end = APPROACH + course.length + RUN_OUT
+    lanes = iso3888.course(manoeuvre, size.width)
+    whole = iso3888.path(lanes, size) + np.array([APPROACH, 0.0])
+    end = APPROACH + lanes.length + RUN_OUT
     # The straights at both ends are given by their ends alone.
     middle = whole[1:-1]
     before = np.arange(-BEHIND, middle[0, 0] - 0.5)
@@ -85,7 +85,7 @@ def _course(manoeuvre: str, size: iso3888.Outline) -> tuple[Array, Array, float]
             np.column_stack([after, np.full(after.size, middle[-1, 1])]),
         ]
     )
-    return path.through(points), np.concatenate([course.left, course.right]) + np.array([APPROACH, 0.0]), end
+    return path.through(points), np.concatenate([lanes.left, lanes.right]) + np.array([APPROACH, 0.0]), end
 
 
 def setup_drawer(name: str, manoeuvre: str, coasts: bool = False) -> DrawSetup:
@@ -99,7 +99,7 @@ def setup_drawer(name: str, manoeuvre: str, coasts: bool = False) -> DrawSetup:
         offset = task.draw_option(rng, options, "entry_offset", -0.2, 0.2)
         heading = task.draw_option(rng, options, "entry_heading", -0.01, 0.01)
         size = iso3888.outline(context.car)
-        road, cones, end = _course(manoeuvre, size)
+        road, cones, end = course(manoeuvre, size)
         data = np.concatenate([[end, *size], (cones * [1.0, side]).ravel()])
         t = UPDATE_INTERVAL * np.arange(math.ceil(TIME_RATIO * end / context.speed / UPDATE_INTERVAL) + 1)
         column = (t >= APPROACH / context.speed).astype(float) if coasts else np.zeros(t.size)

@@ -14,6 +14,7 @@ const { drives } = declared, { constants } = drives;
 const simulation = steerSimulation(drives.rate, drives.regrip), metrics = steerMetrics(drives.filters, drives.rate);
 const stability = steerStability(constants.stability, drives.functions), readers = Object.fromEntries(
   Object.entries(STEER_READERS).map(([name, reader]) => [name, reader(metrics, constants)]));
+const policies = steerPolicies();
 const modules = [wasm, beginning].map((bytes) => new WebAssembly.Module(Uint8Array.from(bytes)));
 const imports = modules.flatMap((one) => WebAssembly.Module.imports(one).map(({ name }) => name));
 const shared = Float64Array.from(tables), begun = new simulation.Beginning(structure, modules[1], shared);
@@ -32,7 +33,7 @@ class Engine:
 
     def __init__(self, law, body):
         self._context = MiniRacer()
-        for name in ("metrics*", "simulation", "stability", "worker"):
+        for name in ("metrics*", "policy", "simulation", "stability", "worker"):
             for file in sorted(writing.PAGE.glob(f"{name}.js")):
                 self._context.eval(file.read_text(encoding="utf-8"))
         car, which = cars.load("compact"), writing.Combination(law, body)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from py_mini_racer import MiniRacer
 
-from steer_env import manoeuvres, metrics
-from steer_env.experiments.explore import drives, parameters, writing
+from steer_env import friction, manoeuvres, metrics
+from steer_env.experiments.explore import characteristics, drives, parameters, writing
 from steer_env.friction.numerics.packing import numbers
 from steer_env.manoeuvres.common import driving
 from steer_env.vehicle import cars, plant
@@ -110,6 +110,21 @@ def require_equal(found, expected):
         shown = np.nan if found[name] is None else found[name]
         rel = 1e-4 if metrics.definition(name).tests[0] == "release" else 1e-9
         assert shown == pytest.approx(value.value, rel=rel, nan_ok=True), name
+
+
+@pytest.mark.parametrize(("law", "body"), EACH)
+def test_a_law_alone_is_that_of_python(law, body):
+    """Its loop and its torque in steady sliding, with a factor on the friction."""
+    made, p = engine(law, body), parameters.plant(cars.load("compact"), law, body, {"friction_scale": 1.3})
+    found = made.value(
+        "simulation.characteristics(car, Float64Array.from(packed), declared.characteristics)",
+        packed=numbers(p).tolist(),
+    )
+    loop = friction.response(p.friction, *characteristics.loop(), 1.3)
+    sliding = [friction.response(p.friction, *characteristics.slide(v), 1.3)[-1] for v in characteristics.SPEEDS]
+    for name, expected in (("loop", loop), ("sliding", np.array(sliding))):
+        assert np.ptp(loop) > 0.01
+        np.testing.assert_allclose(found[name]["y"], expected, rtol=0.0, atol=1e-12 * np.ptp(loop))
 
 
 @pytest.mark.parametrize(("law", "body"), QUICK)

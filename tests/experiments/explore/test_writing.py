@@ -8,6 +8,7 @@ import pytest
 
 from steer_env.experiments import explore
 from steer_env.experiments.cli.main import main
+from steer_env.experiments.explore import policies
 
 
 @pytest.mark.parametrize(
@@ -47,4 +48,5 @@ def test_the_command_writes_a_page_and_replaces_it(tmp_path, capsys):
         assert capsys.readouterr().out.strip() == str(tmp_path / "page" / "index.html")
     found = {str(path.relative_to(tmp_path / "page")) for path in (tmp_path / "page").rglob("*.js")}
     assert {"modules/single_track_lugre.js", "modules/single_track_beginning.js", "declared.js", "tables.js"} <= found
+    assert {each["file"] for each in policies.listed()} == {name for name in found if name.startswith("policies/")}
     assert (tmp_path / "page" / "uplot.LICENSE").read_text().startswith("The MIT License")
