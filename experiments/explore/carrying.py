@@ -12,7 +12,12 @@ from steer_env.recording.units import FILE_UNITS, parse_unit, spellings
 from steer_env.registration import id_of
 from steer_env.vehicle.cars import Car, contents
 
-CHANNELS = tuple(name for name in drives.DRAWN if name != drives.TIME)  # of a recording that is laid over
+# Channels of a recording that is laid over: all that a picture of a drive shows.
+CHANNELS = tuple(
+    dict.fromkeys(
+        name for each in drives.SHOWN.values() for pair in each.pictures for name in pair if name != drives.TIME
+    )
+)
 # Of that recording; assumed, for what a phone computes within a second.
 LARGEST, LONGEST, POINTS = 64e6, 600.0, 4000  # bytes, [s], points of a curve
 TASKS = {"driven": "DriverOnCentre", "standing": "DriverParking"}  # of the environments that are nearest
