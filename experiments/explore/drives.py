@@ -50,6 +50,10 @@ DRAWN = {
     "friction_torque": ("friction torque", "N m", 1.0),
     "displacement": ("column displacement", "deg", 1.0 / DEGREE),
     "sliding_speed": ("sliding speed", "deg/s", 1.0 / DEGREE),
+    "frequency": ("frequency", "Hz", 1.0),
+    "yaw_gain": ("gain", "1/s", 1.0),
+    "yaw_phase": ("phase", "deg", 1.0 / DEGREE),
+    "torque_gain": ("gain", "N m/deg", DEGREE),
 }
 
 

@@ -190,9 +190,9 @@ async function steerDeclared(declared) {
     figure.append(caption, host);
     const paint = pictures.picture(host, axis(across), axis(up), large ? 0.68 : 0.5);
     const scaled = (/** @type {number[]} */ list, /** @type {number} */ by) => list.map((v) => v * by);
-    /** @param {(answer: any) => {x: number[], y: number[]}} taken from an answer @param {any} [under] the recording */
-    const draw = (taken, under) => paint([...(under ? [under] : []), ...layers()].map(({ of, colour, wide }) => {
-      const curve = taken(of);
+    /** @param {(answer: any) => {x: number[], y: number[]} | null} taken from an answer @param {any} [under] the recording */
+    const draw = (taken, under) => paint([...(under ? [under] : []), ...layers()].filter(({ of }) => taken(of)).map(({ of, colour, wide }) => {
+      const curve = /** @type {{x: number[], y: number[]}} */ (taken(of));
       return { x: scaled(curve.x, across.scale), y: scaled(curve.y, up.scale), colour, wide };
     }));
     return { figure, large, draw };
@@ -203,6 +203,14 @@ async function steerDeclared(declared) {
     { ...figured("displacement", "friction_torque", false), of: "loop" },
     { ...figured("sliding_speed", "friction_torque", false), of: "sliding" },
   ];
+  const responses = [
+    { ...figured("frequency", "yaw_gain", false, "Gain of the yaw rate"), of: "yaw_gain" },
+    { ...figured("frequency", "yaw_phase", false, "Phase of the yaw rate"), of: "yaw_phase" },
+    { ...figured("frequency", "torque_gain", false, "Gain of the hand torque"), of: "torque_gain" },
+  ];
+  const swing = Math.round(declared.characteristics.amplitude * drives.drawn.handwheel_angle.scale);
+  find("of-frequency").querySelector("h2").textContent = `Response to sines of ${swing} deg of the handwheel`;
+  find("responses").append(...responses.map(({ figure }) => figure));
   find("characteristics").append(...characteristics.map(({ figure }) => figure));
 
   /** The pictures of each manoeuvre, made when it is first shown. @type {Map<string, any[]>} */
@@ -218,6 +226,7 @@ async function steerDeclared(declared) {
     const all = shownPictures.get(name) ?? [];
     find("large").replaceChildren(...all.filter(({ large }) => large).map(({ figure }) => figure));
     find("small").replaceChildren(...all.filter(({ large }) => !large).map(({ figure }) => figure));
+    find("of-frequency").hidden = !manoeuvre().speed;
     find("metrics-title").textContent = `Metrics: ${manoeuvre().title}`;
     find("lead").textContent = `${sentence(`${manoeuvre().title} of ${declared.car.name}, simulated`)} ` +
       `${sentence(manoeuvre().hands)} Move a slider: the car is driven anew and redrawn.`;
@@ -249,6 +258,11 @@ async function steerDeclared(declared) {
       paint((/** @type {any} */ answer) => ({ x: answer.shown[x], y: answer.shown[y] }), under);
     }
     for (const { draw: paint, of } of characteristics) paint((answer) => answer.friction[of]);
+    // The responses are of the car at rest of its values; while these change, the last ones stay.
+    find("responses").classList.toggle("old", !latest.response);
+    for (const { draw: paint, of } of latest.response ? responses : []) {
+      paint((answer) => answer.response && { x: answer.response.frequency, y: answer.response[of] });
+    }
     const others = laid?.measured ? [...overlaid(), ["R", laid.measured]] : overlaid();
     table.show(manoeuvre().metrics, latest, Object.fromEntries(others));
     main.dataset.run = String(latest.id);

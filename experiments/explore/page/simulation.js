@@ -12,8 +12,9 @@
 /** @typedef {{name: string, speed: number, amplitude: number | null, lock: boolean, target: number | null, reach: string,
  *             trial: number, whole: Course, moving: Course}} Manoeuvre */
 
-/** @typedef {{loop: {x: number[], step: number}, slide: number[], speeds: number[], steps: number[]}} Characteristics
- *             displacements [rad] with times between them [s], and speeds [rad/s] */
+/** @typedef {{loop: {x: number[], step: number}, slide: number[], speeds: number[], steps: number[], sines: Course[],
+ *             amplitude: number, periods: number, hold: number}} Characteristics displacements [rad] with times between
+ *             them [s], speeds [rad/s]; sines of the handwheel, of which every so many samples of the last period are read */
 
 /** @param {number} rate samples in a second @param {number} regrip time after which a robot that grips again has its
     prescribed angle [s] */
@@ -262,5 +263,32 @@ function steerSimulation(rate, regrip) {
     return manoeuvre.amplitude;
   }
 
-  return { packed, Beginning, Car, characteristics, motion, drive, reached, prescribed, findAmplitude };
+  /** Gain and phase of the yaw rate, and gain of the hand torque, over sines of the handwheel angle; null where a state does
+      not stay finite. As sine_response of steer_env.manoeuvres.common.driving; it yields as drive. @param {Car} car
+      @param {Float64Array} numbers @param {Characteristics} of */
+  function* responses(car, numbers, { sines, amplitude, periods, hold }) {
+    /** @type {Record<string, number[]>} */
+    const found = { frequency: [], yaw_gain: [], yaw_phase: [], torque_gain: [] };
+    for (const sine of sines) {
+      const run = yield* drive(car, numbers, sine, amplitude, ["yaw_rate", "handwheel_torque"]);
+      if (!run) return null;
+      const omega = 2 * Math.PI * Number(sine.frequency);
+      const [yaw, torque] = [run.yaw_rate, run.handwheel_torque].map((values) => {
+        let [ss, sc, cc, sy, cy] = [0, 0, 0, 0, 0];
+        for (let end = sine.samples - sine.samples / periods + hold; end <= sine.samples; end += hold) {
+          const s = Math.sin((omega * end) / rate), c = Math.cos((omega * end) / rate), y = values[end - 1];
+          [ss, sc, cc, sy, cy] = [ss + s * s, sc + s * c, cc + c * c, sy + s * y, cy + c * y];
+        }
+        const scale = amplitude * (ss * cc - sc * sc);
+        return [(sy * cc - cy * sc) / scale, (cy * ss - sy * sc) / scale];
+      });
+      found.frequency.push(Number(sine.frequency));
+      found.yaw_gain.push(Math.hypot(...yaw));
+      found.yaw_phase.push(Math.atan2(yaw[1], yaw[0]));
+      found.torque_gain.push(Math.hypot(...torque));
+    }
+    return found;
+  }
+
+  return { packed, Beginning, Car, characteristics, responses, motion, drive, reached, prescribed, findAmplitude };
 }

@@ -73,8 +73,10 @@ function steerWorker(scope, declared, simulation, metrics, readers, stability) {
       : manoeuvre.target / simulation.reached(manoeuvre, channels.lateral_acceleration);
     const friction = simulation.characteristics(car, numbers, declared.characteristics);
     const { values, reasons } = found;
-    const all = run.whole ? { channels } : {};
-    return { ...base, amplitude, next: amplitude * ratio, shown, values, reasons, refused, friction, ...all };
+    const all = run.whole ? { channels } : {}, asked = run.exact && held > 0 && !run.whole;
+    const response = asked ? await done(simulation.responses(car, numbers, declared.characteristics), run) : null;
+    if (response === undefined) return { id: run.id, stopped };
+    return { ...base, response, amplitude, next: amplitude * ratio, shown, values, reasons, refused, friction, ...all };
   }
 
   /** Why the assist loop is unstable at one of some speeds [m/s], with the hands as in the manoeuvre; empty where it is

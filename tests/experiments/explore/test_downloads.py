@@ -76,7 +76,7 @@ def test_the_recording_has_the_metrics_of_the_page(downloads):
 def test_the_pictures_are_in_one_svg(downloads):
     folder, _ = downloads
     root = ElementTree.parse(folder / "compact_lugre.svg").getroot()
-    assert len(root.findall("{*}g")) == len(root.findall("{*}g/{*}polyline")) == 7
+    assert len(root.findall("{*}g")) == len(root.findall("{*}g/{*}polyline")) == 10
     texts = [text.text for text in root.iterfind("{*}g/{*}text")]
     assert "Hand torque over handwheel angle" in texts
     for line in root.iterfind("{*}g/{*}polyline"):

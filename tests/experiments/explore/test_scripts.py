@@ -128,6 +128,19 @@ def test_a_law_alone_is_that_of_python(law, body):
 
 
 @pytest.mark.parametrize(("law", "body"), QUICK)
+def test_responses_to_sines_are_those_of_python(law, body):
+    p = parameters.plant(cars.load("compact"), law, body, {})
+    found = engine(law, body).value(
+        "whole(simulation.responses(car, Float64Array.from(packed), declared.characteristics))",
+        packed=numbers(p).tolist(),
+    )
+    amplitude, frequencies = characteristics.AMPLITUDE, characteristics.FREQUENCIES
+    torque, _, yaw = np.array([driving.sine_response(p, amplitude, f) for f in frequencies]).T
+    for name, expected in (("yaw_gain", abs(yaw)), ("yaw_phase", np.angle(yaw)), ("torque_gain", abs(torque))):
+        np.testing.assert_allclose(found[name], expected, rtol=1e-8, err_msg=name)
+
+
+@pytest.mark.parametrize(("law", "body"), QUICK)
 def test_packed_numbers_are_those_of_python(law, body):
     car, rng = cars.load("compact"), np.random.default_rng(1)
     for _ in range(3):
