@@ -12,10 +12,13 @@ from steer_env.recording.units import FILE_UNITS, parse_unit, spellings
 from steer_env.registration import id_of
 from steer_env.vehicle.cars import Car, contents
 
-# Channels of a recording that is laid over: all that a picture of a drive shows.
+# Channels of a recording that is laid over: all that a picture of a drive shows, or a metric takes.
 CHANNELS = tuple(
     dict.fromkeys(
-        name for each in drives.SHOWN.values() for pair in each.pictures for name in pair if name != drives.TIME
+        name
+        for each in drives.SHOWN.values()
+        for name in (*(channel for pair in each.pictures for channel in pair), *each.channels)
+        if name != drives.TIME
     )
 )
 # Of that recording; assumed, for what a phone computes within a second.

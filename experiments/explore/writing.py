@@ -67,7 +67,7 @@ def explore(
     chassis: Sequence[str] = ("single_track", "two_track"),
     notify: Callable[[float, str], None] = lambda part, what: None,
 ) -> Path:
-    """Write a page in which a car and its friction law are changed by sliders while a weave is redrawn.
+    """Write a page in which a car and its friction law are changed by sliders while a manoeuvre is redrawn.
 
     It needs no server and no Python: ``index.html`` opens from disk, and asks the network for nothing.
 

@@ -173,7 +173,7 @@ function steerRecordingReader(settings) {
     @param {RecordingSettings} settings @param {any} drives @param {() => void} onChange */
 function steerRecording(host, settings, drives, onChange) {
   const reader = steerRecordingReader(settings), { rate } = settings;
-  const tools = steerMetrics(drives.filters, rate), loops = steerLoops(tools, drives.constants);
+  const tools = steerMetrics(drives.filters, rate);
   const find = (/** @type {string} */ kind) => /** @type {any} */ (host.querySelector(kind));
   const input = /** @type {HTMLInputElement} */ (find("input")), told = find("p"), entry = find("span"), remove = find("button");
   /** @type {Recorded | null} */
@@ -182,23 +182,25 @@ function steerRecording(host, settings, drives, onChange) {
   const found = new Map();
   let asked = 0;
 
-  /** Metrics of a weave or a slow ramp, with its settled cycles, or why there are none.
-      @param {Recorded} of @param {any} manoeuvre */
+  /** Metrics of a recording in a manoeuvre, or why there are none. One that is no weave must name its manoeuvre, as its
+      script reads the hands at given instants. @param {Recorded} of @param {any} manoeuvre */
   function evaluated(of, manoeuvre) {
-    const { name, title, whole, metrics } = manoeuvre, own = of.meta.manoeuvre, read = manoeuvre.reader === "loops";
-    const other = !read ? `metrics of ${title} are read of simulated drives only` : own && own !== name ? `its manoeuvre is ${own}` : "";
+    const { name, whole, metrics } = manoeuvre, own = of.meta.manoeuvre, loops = manoeuvre.reader === "loops";
+    const other = own && own !== name ? `its manoeuvre is ${own}` : own || loops ? "" : `it does not name its manoeuvre, ${name}`;
     const channels = new Proxy(of.channels, { get(all, channel) {
       if (!(channel in all)) throw new tools.Refused(`there is no channel ${String(channel)}`);
       return all[String(channel)];
     } });
-    /** @type {{time: Float64Array, count: number}[]} */
-    const cycles = [];
-    const keeping = { ...loops, read: (/** @type {any} */ given, /** @type {any} */ course) => {
-      cycles.push(loops.read(given, course));
-      return cycles[0];
+    const reader = STEER_READERS[/** @type {keyof typeof STEER_READERS} */ (manoeuvre.reader)](tools, drives.constants);
+    /** @type {any[]} */
+    const readings = [];
+    const keeping = { ...reader, read: (/** @type {any} */ given, /** @type {any} */ course) => {
+      readings.push(reader.read(given, course));
+      return readings[0];
     } };
-    const { values, reasons } = tools.evaluate(keeping, channels, whole, read ? metrics : [], other);
-    return { values, reasons, cycles: cycles[0] ?? null, why: cycles.length ? "" : other || Object.values(reasons)[0] };
+    const { values, reasons } = tools.evaluate(keeping, channels, whole, metrics, other);
+    const read = readings.length > 0, cycles = loops && read ? readings[0] : null;
+    return { values, reasons, read, cycles, why: read ? "" : other || Object.values(reasons)[0] };
   }
 
   /** @param {File} file */
@@ -264,21 +266,22 @@ function steerRecording(host, settings, drives, onChange) {
   function laid(manoeuvre) {
     if (!kept) return null;
     const of = kept, own = found.get(manoeuvre.name) ?? evaluated(of, manoeuvre), { cycles, why } = own;
+    const measured = own.read ? own : null;
     found.set(manoeuvre.name, own);
     if (told.className !== "refusal") told.textContent = why && `The curves alone are shown: ${why}.`;
     if (cycles) {
       const samples = cycles.time.length / (cycles.count + 2), first = cycles.count * samples;
       const [from, to] = [first, first + samples].map((k) => Math.round(cycles.time[k] * rate - 1));
       const cycle = stretch(of, from, to, 0);
-      return { over: cycle, early: cycle, measured: own };
+      return { over: cycle, early: cycle, measured };
     }
     if (manoeuvre.section) {
       const [from, to] = manoeuvre.section.map((/** @type {number} */ t) => Math.round(t * rate));
       const section = stretch(of, from, to, from / rate);
-      return { over: section, early: section, measured: null };
+      return { over: section, early: section, measured };
     }
     const period = Math.round(rate / manoeuvre.whole.frequency);
-    return { over: stretch(of, 0, Infinity, 0), early: stretch(of, 0, period, 0), measured: null };
+    return { over: stretch(of, 0, Infinity, 0), early: stretch(of, 0, period, 0), measured };
   }
 
   return { laid };

@@ -67,6 +67,20 @@ function steerTable(host, noticed) {
     return made;
   }
 
+  /** Why metrics have no value, as the caption below the table. @param {MetricEntry[]} entries
+      @param {Record<string, Measured>} columns this car by an empty name, and the others */
+  function missing(entries, columns) {
+    const caption = cell("caption", "");
+    for (const [name, { reasons }] of Object.entries(columns)) {
+      for (const reason of new Set(Object.values(reasons))) {
+        const labels = entries.filter((entry) => reasons[entry.name] === reason).map(({ label }) => label);
+        const what = labels.length === entries.length ? "no metric" : labels.join(", ");
+        caption.append(cell("p", `${[name, what].filter(Boolean).join(", ")}: ${reason}.`));
+      }
+    }
+    return caption;
+  }
+
   /** @param {MetricEntry[]} entries @param {Measured} measured @param {Record<string, Measured>} pins */
   function show(entries, measured, pins) {
     const names = Object.keys(pins), head = document.createElement("tr");
@@ -86,7 +100,7 @@ function steerTable(host, noticed) {
     const heading = document.createElement("thead"), body = document.createElement("tbody");
     heading.append(head);
     body.append(...rows);
-    host.replaceChildren(heading, body);
+    host.replaceChildren(missing(entries, { "": measured, ...pins }), heading, body);
   }
 
   return { show, perceived, written };

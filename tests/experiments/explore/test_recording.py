@@ -80,3 +80,22 @@ def test_a_recording_of_another_drive_is_shown_as_a_whole(page, browser):
     browser.until(f"{TOLD}.textContent === 'The curves alone are shown: there is no channel handwheel_angle.'")
     shown = browser.value("steerShown.laid().over.shown")
     assert (shown["handwheel_torque"][100], shown["rack_force"][-1]) == (pytest.approx(1.005), pytest.approx(1000.0))
+
+
+def test_a_recording_is_read_as_the_manoeuvre_that_is_shown(page, browser, tmp_path):
+    """A release, which is no weave."""
+    car, of = cars.load("compact"), manoeuvres.make("release")
+    release = driving.drive_plant(car, driving.build_plant(car, of, "dahl"), of)
+    recording.write(release, tmp_path / "release.csv")
+    browser.open(address(page))
+    browser.until(READY)
+    browser.choose_file("#recording input", tmp_path / "release.csv")
+    browser.until(f"{TOLD}.textContent === 'The curves alone are shown: its manoeuvre is release.'")
+    browser.value(
+        "((select) => { select.value = 'release'; select.dispatchEvent(new Event('change')); })"
+        "(document.getElementById('manoeuvre'))"
+    )
+    browser.until(f"{READY} && steerShown.answer.manoeuvre === 'release' && {TOLD}.textContent === ''")
+    expected = metrics.evaluate(release, "release", intervals=False)
+    found = browser.value("steerShown.laid().measured.values")
+    assert {name: pytest.approx(value.value, rel=1e-3) for name, value in expected.items()} == found
