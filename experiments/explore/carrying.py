@@ -3,20 +3,27 @@
 from inspect import signature
 from typing import Any
 
-from steer_env.experiments.explore import parameters
-from steer_env.metrics.common.filtered_channels import ANGLE, AY, PLAUSIBLE, TORQUE, YAW
+from steer_env.experiments.explore import drives, parameters
+from steer_env.metrics.common.filtered_channels import PLAUSIBLE
 from steer_env.recording.channel_mapping import KNOWN
 from steer_env.recording.recording import Recording
 from steer_env.recording.table import label
 from steer_env.recording.units import FILE_UNITS, parse_unit, spellings
 from steer_env.registration import id_of
 from steer_env.vehicle.cars import Car, contents
-from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
-CHANNELS = (ANGLE, TORQUE, AY, YAW, "rack_force")  # of a recording that is laid over
+# Channels of a recording that is laid over: all that a picture of a drive shows, or a metric takes.
+CHANNELS = tuple(
+    dict.fromkeys(
+        name
+        for each in drives.SHOWN.values()
+        for name in (*(channel for pair in each.pictures for channel in pair), *each.channels)
+        if name != drives.TIME
+    )
+)
 # Of that recording; assumed, for what a phone computes within a second.
 LARGEST, LONGEST, POINTS = 64e6, 600.0, 4000  # bytes, [s], points of a curve
-TASK = "DriverOnCentre"  # of the environment that is nearest to a weave
+TASKS = {"driven": "DriverOnCentre", "standing": "DriverParking"}  # of the environments that are nearest
 
 
 def recording_settings() -> dict[str, Any]:
@@ -29,6 +36,7 @@ def recording_settings() -> dict[str, Any]:
         "largest": LARGEST,
         "longest": LONGEST,
         "points": POINTS,
+        "rate": drives.RATE,
     }
 
 
@@ -45,9 +53,9 @@ def files() -> dict[str, Any]:
     columns = {name: (label(name, unit), FILE_UNITS[unit][1]) for name, unit in KNOWN.items()}
     return {
         "recording": {"columns": columns},
-        "rate": 1.0 / SAMPLE_TIME,
+        "rate": drives.RATE,
         "environment": {
-            "id": id_of(TASK),
+            **{key: id_of(task) for key, task in TASKS.items()},
             "options": {parameters.SCALE: "friction_level", parameters.LOAD: "load"},
         },
     }

@@ -152,7 +152,7 @@ def _of_drive(chassis: str) -> list[Parameter]:
     return [
         _parameter(SCALE, "Drive", "Friction scale", "1", (0.25, 3.0), 1.0, partial(not_negative, SCALE)),
         _parameter(LOAD, "Drive", "Load", "kg", (0.0, 500.0), 0.0, partial(not_negative, LOAD)),
-        _parameter(SPEED, "Drive", "Speed", "km/h", (60.0, 160.0), 100.0, partial(_speed, chassis)),
+        _parameter(SPEED, "Drive", "Speed", "km/h", (40.0, 160.0), 100.0, partial(_speed, chassis)),
     ]
 
 

@@ -11,32 +11,24 @@ import sys
 import zlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from importlib import metadata
 from inspect import getdoc
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy import signal
 
-from steer_env import metrics
-from steer_env.experiments.explore import carrying, drive_page, module, packing, parameters, policies
-from steer_env.experiments.pages import files, words
+from steer_env.experiments.explore import carrying, characteristics, drive_page, drives, module, packing, parameters, policies
+from steer_env.experiments.pages import files
 from steer_env.friction.law import LAWS
 from steer_env.friction.numerics.check import one_of
 from steer_env.friction.numerics.packing import Leaf, leaves, slices
 from steer_env.friction.numerics.packing import numbers as packed
-from steer_env.manoeuvres import make as make_manoeuvre
-from steer_env.metrics.common import just_noticeable, loops
-from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE, YAW
-from steer_env.recording.recording import low_pass
+from steer_env.metrics.common import just_noticeable
 from steer_env.vehicle import cars, plant
 from steer_env.vehicle import chassis as chassis_models
 from steer_env.vehicle.cars import Car
-from steer_env.vehicle.constants import GRAVITY
 from steer_env.vehicle.layout import size_of
-from steer_env.vehicle.steering.eps import SAMPLE_TIME
 from steer_env.vehicle.subsystems import car as whole_car
 from steer_env.vehicle.subsystems.machine_code import require_compiled
 
@@ -45,12 +37,8 @@ MODULES = "modules"
 CONTENTS = frozenset((*(file.name for file in PAGE.iterdir()), MODULES, policies.FOLDER, "declared.js", "tables.js"))
 LAWS_SHOWN = ("lugre", "masing", "dahl", "coulomb", "viscous")  # by default; each is compiled once
 LARGE = 1000  # numbers from which on a table is written once for all modules
-RATE = 1.0 / SAMPLE_TIME  # [Hz]
-_OF_LOOP = ("column.", "assist.")  # parameters on which the stability of the assist's loop depends
-RECORDED = (ANGLE, TORQUE, AY, YAW, "rack_force")
-# While a slider moves: the fewest cycles of which some are settled, so that the picture follows.
-MOVING_CYCLES, MOVING_FEWEST = 3, 1
-THIN = 10  # samples between two points of a curve
+# Parameters on which the stability of the assist's loop depends, and those that hands and friction need.
+_NAMED = ("column.", "assist.", "robot", "rack_limit", "pinion_radius", "friction_torque_scale")
 
 
 @dataclass(frozen=True)
@@ -79,7 +67,7 @@ def explore(
     chassis: Sequence[str] = ("single_track", "two_track"),
     notify: Callable[[float, str], None] = lambda part, what: None,
 ) -> Path:
-    """Write a page in which a car and its friction law are changed by sliders while a weave is redrawn.
+    """Write a page in which a car and its friction law are changed by sliders while a manoeuvre is redrawn.
 
     It needs no server and no Python: ``index.html`` opens from disk, and asks the network for nothing.
 
@@ -203,7 +191,9 @@ def structure(car: Car, which: Combination) -> dict[str, Any]:
         "zeroStates": list(subsystem.zero_states),
         "zeroOutputs": list(subsystem.zero_outputs),
         "drive": drive_page.of_module(subsystem),
-        "places": {name: [at.start, at.stop] for name, at in slices(p).items() if name.startswith(_OF_LOOP)},
+        "memory": module.memory_of(p),
+        "path": module.SAMPLES,
+        "places": {name: [at.start, at.stop] for name, at in slices(p).items() if name.startswith(_NAMED)},
         **_begun(car, which, p),
     }
 
@@ -221,35 +211,22 @@ def _field(q: parameters.Parameter) -> dict[str, Any]:
 
 
 def declared(car: Car, wanted: Sequence[Combination]) -> dict[str, Any]:
-    """What the page knows of the program: the car, laws and chassis, the weave, the metrics and what drivers notice."""
-    weave, read = make_manoeuvre("weave"), metrics.evaluation_by_name("weave").read
-    assert isinstance(read, partial)  # of the loops, with how many cycles they need
+    """What the page knows of the program: the car, laws and chassis, manoeuvres with metrics, what drivers notice."""
+    bodies = tuple(dict.fromkeys(each.chassis for each in wanted))
     return {
         "version": metadata.version("steer-env"),
         "car": {"name": car.name, "description": car.description, **carrying.car_file(car)},
         "files": carrying.files(),
         "laws": [{"name": law, "about": _about(law)} for law in dict.fromkeys(each.law for each in wanted)],
-        "chassis": list(dict.fromkeys(each.chassis for each in wanted)),
+        "chassis": list(bodies),
         "modules": {f"{each.law} {each.chassis}": each.file for each in wanted},
         "policies": policies.listed(),
-        "beginnings": {each.chassis: _beginning(each.chassis) for each in wanted},
-        "weave": {
-            "frequency": weave.frequency,
-            "cycles": round(weave.duration * (weave.frequency or 1.0)),
-            "fewest": read.keywords["fewest"],
-            "movingCycles": MOVING_CYCLES,
-            "movingFewest": MOVING_FEWEST,
-            "target": weave.lateral_acceleration,
-            "trialCycles": round((weave.trial or 0.0) * (weave.frequency or 1.0)),
-            "rate": RATE,
-            "channels": list(RECORDED),
-            "speed": parameters.SPEED,
-            "thin": THIN,
-        },
-        "loops": loop_constants(),
+        "beginnings": {body: _beginning(body) for body in bodies},
+        "speed": {"name": parameters.SPEED, "unit": parameters.KPH},
+        "drives": drives.declared(bodies),
+        "characteristics": characteristics.declared(),
         "drive": drive_page.declared(car),
         "recording": carrying.recording_settings(),
-        "metrics": [_metric(name) for name in metrics.available("weave")],
         "noticed": {
             "share": just_noticeable.SHARE,
             "least": just_noticeable.LEAST,
@@ -263,39 +240,3 @@ def _about(law: str) -> str:
     """What the module of a law says of it, in its first line."""
     text = getdoc(sys.modules[LAWS[law].parameters.__module__]) or ""
     return text.splitlines()[0].rstrip(".") if text else law
-
-
-def loop_constants() -> dict[str, Any]:
-    """The numbers with which a loop is read."""
-    return {
-        "rate": RATE,
-        "gravity": GRAVITY,
-        "smooth": _low_pass(loops.CUTOFF),
-        "sharp": _low_pass(loops.PEAK_CUTOFF),
-        "samplesPerCutoff": loops.SAMPLES_PER_CUTOFF,
-        "samples": loops.SAMPLES,
-        "window": loops.WINDOW,
-        "fewestInWindow": loops.FEWEST_IN_WINDOW,
-        "spread": loops.SPREAD,
-        "endSlack": loops.END_SLACK,
-        "frequencySpread": loops.FREQUENCY_SPREAD,
-    }
-
-
-def _low_pass(cutoff: float) -> dict[str, Any]:
-    sections = low_pass(cutoff, RATE)
-    start = signal.sosfilt_zi(sections)
-    return {"cutoff": cutoff, "b": sections[0, :3].tolist(), "a": sections[0, 3:].tolist(), "zi": start[0].tolist()}
-
-
-def _metric(name: str) -> dict[str, Any]:
-    entry = metrics.definition(name)
-    return {
-        "name": name,
-        "label": words.label(name),
-        "unit": entry.unit,
-        "scale": metrics.UNITS[entry.unit],
-        "definition": entry.definition,
-        "usual": entry.usual,
-        "validity": entry.validity,
-    }

@@ -1,5 +1,6 @@
-"""The page of ``steer-env explore`` in Chromium: how soon it shows and follows, and whether a drive keeps its time."""
+"""The page of ``steer-env explore`` in Chromium: how soon it shows and follows, its size, a drive's lag."""
 
+import gzip
 import itertools
 import tempfile
 import time
@@ -40,9 +41,10 @@ MOVED = """(async () => {
 
 
 def rows() -> Iterator[Row]:
-    """Start from disk to the first loops, and the time from a move of a slider to the redrawn weave, each chassis."""
+    """Sizes; on each chassis start from disk to the first loops, and time from a slider's move to the redrawn weave."""
     with tempfile.TemporaryDirectory() as folder:
         page = explore.explore(Path(folder, "page"), friction=["lugre"])
+        yield from _sizes(page.parent)
         for chassis in ("single_track", "two_track"):
             address = f"{page.as_uri()}#law=lugre&chassis={chassis}"
             starts = [_start(address, Path(folder, f"{chassis}{k}")) for k in range(STARTS)]
@@ -81,6 +83,21 @@ def _drive(page: Path, folder: Path) -> Iterator[Row]:
     values = metrics.evaluate(read(folder / "drive.csv"), intervals=False)
     found = sum(bool(np.isfinite(value.value)) for value in values.values())
     yield Row("metrics of the minute, evaluated as a drive on a road", f"{found}", ">= 1", verdict(found >= 1))
+
+
+def _sizes(folder: Path) -> Iterator[Row]:
+    """What the page loads first, as sent by a host that compresses and on disk, and what a further law adds."""
+    modules = sorted((folder / "modules").iterdir())
+    first = [*(file for file in folder.iterdir() if file.is_file()), *modules[: len(modules) // 2]]  # of one chassis
+    data = [file.read_bytes() for file in first]
+    law = max(len(gzip.compress(file.read_bytes())) for file in modules if "beginning" not in file.name)
+    yield _size("first load, gzipped", sum(len(gzip.compress(each)) for each in data), 1e6)
+    yield _size("first load, on disk", sum(map(len, data)), 2e6)
+    yield _size("a further law, gzipped", law, 1e5)
+
+
+def _size(what: str, value: float, most: float) -> Row:
+    return Row(what, f"{value / 1e3:.0f} kB", f"<= {most / 1e3:g} kB", verdict(value <= most))
 
 
 def _start(address: str, profile: Path) -> float:

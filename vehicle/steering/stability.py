@@ -103,14 +103,14 @@ def stable(c: Column, a: Assist, speed: float, *, free: bool) -> bool:
 
 
 # The functions that can make the loop unstable, with key and unit of their strength and what else helps.
-_KEYS = {
+KEYS = {
     "inertia_compensation": ("inertia_compensation", " kg m2", ""),
     "lead_lag": ("lead_lag_gain", "", ""),
     "active_return": ("return_gain", " N m/rad", ", or with a smaller return_lead"),
     "damping": ("handwheel_damping", " N m s/rad", ""),
 }
 
-STRENGTHS = ", ".join(key for key, _, _ in _KEYS.values())
+STRENGTHS = ", ".join(key for key, _, _ in KEYS.values())
 
 
 def _scaled(a: Assist, names: list[str], factor: float) -> Assist:
@@ -137,7 +137,7 @@ def functions_to_the_limit(c: Column, a: Assist) -> float:
         return math.inf
 
     def calm(factor: float) -> bool:
-        return _stable_everywhere(c, _scaled(a, list(_KEYS), USUAL_LIMIT * factor))
+        return _stable_everywhere(c, _scaled(a, list(KEYS), USUAL_LIMIT * factor))
 
     return math.inf if calm(1.0) else USUAL_LIMIT * _largest(calm)
 
@@ -167,7 +167,7 @@ def three_digits(value: float) -> str:
 
 def _blamed(a: Assist, calm: Callable[[Assist], bool]) -> list[str]:
     """The function without which the assist is calm, or all that are on if only that helps; otherwise none."""
-    active = [name for name in _KEYS if np.any(getattr(a.functions, name).gain)]
+    active = [name for name in KEYS if np.any(getattr(a.functions, name).gain)]
     candidates = [*([name] for name in active), active]
     return next((names for names in candidates if calm(_scaled(a, names, 0.0))), [])
 
@@ -206,7 +206,7 @@ def reason(c: Column, a: Assist, speed: float, *, free: bool) -> str:
 
 def _strength(f: Functions, name: str, speed: float, factor: float) -> str:
     """A function's strength at a speed, and that with a factor at which the loop is stable."""
-    key, unit, more = _KEYS[name]
+    key, unit, more = KEYS[name]
     gain = getattr(f, name).gain
     value = gain_at(f, gain, speed) if np.ndim(gain) else gain
     return f"assist.{key} is {value:.4g}{unit}; it is stable with {three_digits(factor * value)}{more}"

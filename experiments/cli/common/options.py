@@ -133,6 +133,7 @@ OPTIONS = {
     "--held-out": _Declaration("share of the record, its last part, that judges and is not fitted", "SHARE", real),
     "--law": _Declaration("laws to fit", "LAW"),
     "--hands": _Declaration("what the hands give", "GIVEN"),
+    "--live": _Declaration("also write a page with sliders (explore) into live of --out, and link to it", ""),
     "--manoeuvre": _Declaration(f"the test: {', '.join(names.manoeuvres())}", "TEST"),
     "--outgauge": _Declaration("as --outsim, OutGauge: speed, gear and pedals", "[HOST:]PORT", _receiver),
     "--outsim": _Declaration(
@@ -223,9 +224,8 @@ def add_page(
 
 
 def add_live(parser: argparse._ActionsContainer, of: str) -> None:
-    """Add ``--live``; the text says what the page to explore is of."""
-    text = f"also write the page to explore ({of}) into the folder live of --out, and link to it"
-    parser.add_argument("--live", action="store_true", help=text)
+    """Add ``--live``; the text says what the page with sliders is of."""
+    parser.add_argument("--live", action="store_true", help=f"{OPTIONS['--live'].text}: {of}")
 
 
 def live(args: argparse.Namespace) -> "type[Beside] | None":

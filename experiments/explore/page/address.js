@@ -2,30 +2,32 @@
 
 "use strict";
 
-/** @typedef {{law: string, chassis: string, values: Record<string, string | number>}} Shown what is driven; values as changed,
+/** @typedef {{law: string, chassis: string, values: Record<string, string | number>}} CarShown a car; values as changed,
  *  which are texts where an address gives them, since a refusal repeats what was given */
+/** @typedef {CarShown & {manoeuvre: string}} Shown what is driven */
+/** @typedef {{law: string, chassis: string, manoeuvre: string}} Choices */
 
 function steerAddress() {
   const PINS = ["A", "B", "C"];
 
-  /** @param {Shown} shown */
-  function written(shown) {
-    const found = new URLSearchParams({ law: shown.law, chassis: shown.chassis });
+  /** @param {CarShown} shown @param {Record<string, string>} more */
+  function written(shown, more = {}) {
+    const found = new URLSearchParams({ law: shown.law, chassis: shown.chassis, ...more });
     for (const [name, value] of Object.entries(shown.values)) found.set(name, String(value));
-    return found.toString();
+    return found;
   }
 
   /** What a text names, and sentences about what it names that there is not.
-      @param {string} text @param {{law: string, chassis: string}} usual @param {{laws: string[], chassis: string[]}} known
+      @param {string} text @param {Choices} usual @param {Record<keyof Choices, string[]>} known
       @returns {{shown: Shown, pins: Record<string, string>, remarks: string[]}} */
   function read(text, usual, known) {
-    const given = new URLSearchParams(text), remarks = [];
-    const shown = { law: usual.law, chassis: usual.chassis, values: /** @type {Record<string, string | number>} */ ({}) };
+    const given = new URLSearchParams(text), remarks = [], { law, chassis, manoeuvre } = usual;
+    const shown = { law, chassis, manoeuvre, values: /** @type {Record<string, string | number>} */ ({}) };
     /** @type {Record<string, string>} */
     const pins = {};
     for (const [name, value] of given) {
-      if (name === "law" || name === "chassis") {
-        const allowed = name === "law" ? known.laws : known.chassis;
+      if (name === "law" || name === "chassis" || name === "manoeuvre") {
+        const allowed = known[name];
         if (allowed.includes(value)) shown[name] = value;
         else remarks.push(`This page has no ${name} ${value}; it has ${allowed.join(", ")}.`);
       } else if (PINS.includes(name)) pins[name] = value;
@@ -34,10 +36,10 @@ function steerAddress() {
     return { shown, pins, remarks };
   }
 
-  /** @param {Shown} shown @param {Record<string, Shown>} pins */
+  /** @param {Shown} shown @param {Record<string, CarShown>} pins */
   function whole(shown, pins) {
-    const found = new URLSearchParams(written(shown));
-    for (const [name, pin] of Object.entries(pins)) found.set(name, written(pin));
+    const found = written(shown, { manoeuvre: shown.manoeuvre });
+    for (const [name, pin] of Object.entries(pins)) found.set(name, written(pin).toString());
     return found.toString();
   }
 

@@ -56,9 +56,9 @@ function steerFiles(declared) {
     const options = Object.entries(environment.options).flatMap(([name, option]) =>
       name in of.values ? [`"${option}": ${of.values[name]}`] : []);
     return [
-      "import gymnasium as gym", "", "import steer_env  # registers the environments", "", "env = gym.make(", `    "${environment.id}",`,
+      "import gymnasium as gym", "", "import steer_env  # registers the environments", "", "env = gym.make(", `    "${kph ? environment.driven : environment.standing}",`,
       `    vehicle=${JSON.stringify(file)},  # the car file of the same page, in this folder`,
-      `    friction={${law.join(", ")}},`, `    chassis="${of.chassis}",`, `    speed=${kph} / 3.6,`, ")",
+      `    friction={${law.join(", ")}},`, `    chassis="${of.chassis}",`, ...(kph ? [`    speed=${kph} / 3.6,`] : []), ")",
       `observation, info = env.reset(seed=0${options.length ? `, options={${options.join(", ")}}` : ""})`, "",
     ].join("\n");
   }

@@ -50,7 +50,7 @@ async function steerDrive(declared) {
   const text = [
     ...[steerSimulation, steerExchange, steerHands, steerPolicies, steerPace].map(String),
     `const declared = ${JSON.stringify(drive)};`,
-    "steerPace(self, declared, steerSimulation(), steerExchange(declared), steerHands(declared), steerPolicies());",
+    "steerPace(self, declared, steerSimulation(declared.drives.rate, declared.drives.regrip), steerExchange(declared), steerHands(declared), steerPolicies());",
   ].join("\n");
   const worker = new Worker(URL.createObjectURL(new Blob([`"use strict";\n${text}`], { type: "text/javascript" })));
   Object.assign(steerDriven, { worker, log, columns: logging.names });
@@ -96,7 +96,7 @@ async function steerDrive(declared) {
       if (why) remarks.push(`${label}: ${why}; left as the car has it.`);
       else kept[name] = values[name] = Number(value);
     }
-    const speed = declared.weave.speed;
+    const speed = declared.speed.name;
     if (cars.length) values[speed] = cars[0].values[speed];
     cars.push({ label, of: { law: of.law, chassis: of.chassis, values: kept }, values });
     worker.postMessage({
@@ -441,7 +441,7 @@ async function steerDrive(declared) {
     const flat = cars.every((car) => !structures.get(`${car.of.law} ${car.of.chassis}`).drive.inputs.includes("target_speed"));
     return log.text({
       ...(manoeuvre ? { manoeuvre } : {}), ...recording.meta, steering_ratio: ratio, chassis: of.chassis, friction: of.law,
-      page: `steer-env explore ${declared.version}`, speed_m_s: values[declared.weave.speed] / 3.6,
+      page: `steer-env explore ${declared.version}`, speed_m_s: values[declared.speed.name] / 3.6,
       device: told.device, motor: false, ...(find("policy").value ? { policy: find("policy").value } : {}),
       sets: cars.map((car) => ({ label: car.label, car: recording.meta.vehicle, law: car.of.law, chassis: car.of.chassis,
         address: address.written(car.of) })),
@@ -607,9 +607,9 @@ async function steerDrive(declared) {
       const read = address.read(start.pins[name], start.shown, known);
       remarks.push(...read.remarks, ...await add(`Pin ${name}`, read.shown));
     }
-    held = cars[0].values[declared.weave.speed] / 3.6;
+    held = cars[0].values[declared.speed.name] / 3.6;
     for (const field of structures.get(`${cars[0].of.law} ${cars[0].of.chassis}`).parameters) {
-      if (field.name !== declared.weave.speed) find("differs").append(new Option(field.label, field.name));
+      if (field.name !== declared.speed.name) find("differs").append(new Option(field.label, field.name));
     }
     find("differs").value = "friction_scale";
     worker.postMessage({ begin: { index: 0, speed: held } });

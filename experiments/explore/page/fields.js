@@ -3,7 +3,7 @@
 "use strict";
 
 /** @typedef {{name: string, group: string, label: string, unit: string, low: number, high: number, value: number,
- *             refusal: string, least: number | null, most: number | null, above: boolean}} Field */
+ *             refusal: string, least: number | null, most: number | null, above: boolean, fixed?: string}} Field fixed: why it cannot be changed */
 
 /** @param {HTMLElement} host @param {(name: string, value: number) => void} onChange */
 function steerFields(host, onChange) {
@@ -57,6 +57,7 @@ function steerFields(host, onChange) {
     };
     number.value = shortest(value);
     place(value);
+    slider.disabled = number.disabled = Boolean(field.fixed);
     slider.addEventListener("input", () => {
       const chosen = Number((field.low + (span * Number(slider.value)) / STEPS).toPrecision(4));
       const inside = Math.min(Math.max(chosen, field.low), field.high);
@@ -77,6 +78,7 @@ function steerFields(host, onChange) {
       number.setAttribute("aria-invalid", String(why !== ""));
     };
     row.append(label, slider, number, element("span", { class: "unit" }, unit(field)), told);
+    if (field.fixed) row.append(element("p", { class: "fixed" }, field.fixed));
     group.append(row);
   }
 

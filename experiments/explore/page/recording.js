@@ -6,18 +6,17 @@
 
 /** @typedef {{channels: Record<string, string>, units: Record<string, [string, number]>, plausible: Record<string, number>,
  *             gap: number, largest: number, longest: number, points: number, rate: number}} RecordingSettings */
-/** @typedef {{values: Record<string, number>, reasons: Record<string, string>, loops: {time: Float64Array, count: number} | null}} Evaluated */
 /** @typedef {{name: string, meta: Record<string, string>, channels: Record<string, Float64Array>}} Recorded */
 
 /** @param {RecordingSettings} settings */
 function steerRecordingReader(settings) {
   const SLICE = 1 << 18;  // bytes that are read at a time
   const LONGEST_LINE = 1 << 16;  // characters; a longer one is no row
-  const { rate } = settings;
+  const { rate } = settings, units = new Map(Object.entries(settings.units));
 
   /** The unit in memory of a spelling, and the size of one: as parse_unit of steer_env.recording.units. @param {string} text */
-  const unitOf = (text) => settings.units[text.replace("²", "2").replace("º", "°").replaceAll("_", "/")
-    .replace(/[\s^*·.]/g, "").replace("/s/s", "/s2")];
+  const unitOf = (text) => units.get(text.replace("²", "2").replace("º", "°").replaceAll("_", "/")
+    .replace(/[\s^*·.]/g, "").replace("/s/s", "/s2"));
 
   /** Name and unit of a column such as "handwheel_angle [deg]" or "handwheel_angle_deg". @param {string} label */
   function column(label) {
@@ -171,15 +170,38 @@ function steerRecordingReader(settings) {
 }
 
 /** The button and the drop of a recording, and what is laid over. @param {HTMLElement} host
-    @param {RecordingSettings} settings @param {(channels: Record<string, Float64Array>) => Evaluated} evaluate as a weave
-    @param {() => void} onChange */
-function steerRecording(host, settings, evaluate, onChange) {
-  const reader = steerRecordingReader(settings);
+    @param {RecordingSettings} settings @param {any} drives @param {() => void} onChange */
+function steerRecording(host, settings, drives, onChange) {
+  const reader = steerRecordingReader(settings), { rate } = settings;
+  const tools = steerMetrics(drives.filters, rate);
   const find = (/** @type {string} */ kind) => /** @type {any} */ (host.querySelector(kind));
   const input = /** @type {HTMLInputElement} */ (find("input")), told = find("p"), entry = find("span"), remove = find("button");
-  /** @type {{of: Recorded, found: Evaluated} | null} */
+  /** @type {Recorded | null} */
   let kept = null;
+  /** @type {Map<string, ReturnType<typeof evaluated>>} */
+  const found = new Map();
   let asked = 0;
+
+  /** Metrics of a recording in a manoeuvre, or why there are none. One that is no weave must name its manoeuvre, as its
+      script reads the hands at given instants. @param {Recorded} of @param {any} manoeuvre */
+  function evaluated(of, manoeuvre) {
+    const { name, whole, metrics } = manoeuvre, own = of.meta.manoeuvre, loops = manoeuvre.reader === "loops";
+    const other = own && own !== name ? `its manoeuvre is ${own}` : own || loops ? "" : `it does not name its manoeuvre, ${name}`;
+    const channels = new Proxy(of.channels, { get(all, channel) {
+      if (!(channel in all)) throw new tools.Refused(`there is no channel ${String(channel)}`);
+      return all[String(channel)];
+    } });
+    const reader = STEER_READERS[/** @type {keyof typeof STEER_READERS} */ (manoeuvre.reader)](tools, drives.constants);
+    /** @type {any[]} */
+    const readings = [];
+    const keeping = { ...reader, read: (/** @type {any} */ given, /** @type {any} */ course) => {
+      readings.push(reader.read(given, course));
+      return readings[0];
+    } };
+    const { values, reasons } = tools.evaluate(keeping, channels, whole, metrics, other);
+    const read = readings.length > 0, cycles = loops && read ? readings[0] : null;
+    return { values, reasons, read, cycles, why: read ? "" : other || Object.values(reasons)[0] };
+  }
 
   /** @param {File} file */
   async function lay(file) {
@@ -189,9 +211,9 @@ function steerRecording(host, settings, evaluate, onChange) {
     try {
       const of = await reader.read(file);
       if (own !== asked) return;  // another one was dropped meanwhile
-      const found = evaluate(of.channels);
-      kept = { of, found };
-      told.textContent = found.loops ? "" : `${file.name} is shown as a whole: ${found.reasons[Object.keys(found.reasons)[0]]}.`;
+      kept = of;
+      told.textContent = "";
+      found.clear();
     } catch (error) {
       if (own !== asked) return;
       told.textContent = `${file.name} is not shown: ${/** @type {Error} */ (error).message}.`;
@@ -201,7 +223,7 @@ function steerRecording(host, settings, evaluate, onChange) {
   }
 
   function show() {
-    entry.textContent = kept ? `R: ${kept.of.name}${kept.of.meta.vehicle ? `, ${kept.of.meta.vehicle}` : ""}` : "";
+    entry.textContent = kept ? `R: ${kept.name}${kept.meta.vehicle ? `, ${kept.meta.vehicle}` : ""}` : "";
     remove.hidden = !kept;
     onChange();
   }
@@ -224,34 +246,43 @@ function steerRecording(host, settings, evaluate, onChange) {
     if (files?.length) lay(files[0]);
   });
 
-  /** Points of a stretch of the recording, few enough for a picture. @param {number} from @param {number} to samples */
-  function stretch(from, to) {
-    const { channels } = /** @type {{of: Recorded}} */ (kept).of, thin = Math.max(Math.ceil((to - from) / settings.points), 1);
-    const shown = Object.keys(settings.channels).map((name) => {
-      const values = [];
-      for (let i = from; name in channels && i <= Math.min(to, channels[name].length - 1); i += thin) values.push(channels[name][i]);
-      return [name, values];
-    });
-    return { thin, shown: /** @type {Record<string, number[]>} */ (Object.fromEntries(shown)) };
-  }
-
-  /** The recording as an answer of the worker; null where there is none. A weave is shown by its last settled cycle, and
-      anything else as a whole, with its beginning in the histories. @param {number} seconds of the histories */
-  function laid(seconds) {
-    if (!kept) return null;
-    const { of: { channels }, found: { values, reasons, loops } } = kept, measured = { values, reasons, measured: loops !== null };
-    if (loops) {
-      const samples = loops.time.length / (loops.count + 2), [from, to] = [0, samples].map((more) =>
-        Math.round(loops.time[loops.count * samples + more] * settings.rate - 1));
-      const cycle = { ...measured, ...stretch(from, to) };
-      return { over: cycle, early: cycle };
+  /** Points of a stretch of a recording, few enough for a picture. @param {Recorded} of @param {number} from
+      @param {number} to samples @param {number} start of its time [s] */
+  function stretch({ channels }, from, to, start) {
+    const end = Math.min(to, Object.values(channels)[0].length - 1), places = [];
+    const thin = Math.max(Math.ceil((end - from) / settings.points), 1);
+    for (let i = from; i <= end; i += thin) places.push(i);
+    /** @type {Record<string, number[]>} */
+    const shown = { time: places.map((i) => start + (i - from) / rate) };
+    for (const name of Object.keys(settings.channels)) {
+      shown[name] = name in channels ? places.map((i) => channels[name][i]) : [];
     }
-    const end = Object.values(channels)[0].length - 1;
-    return {
-      over: { ...measured, ...stretch(0, end) },
-      early: { ...measured, ...stretch(0, Math.min(end, Math.round(seconds * settings.rate))) },
-    };
+    return { shown };
   }
 
-  return { laid, lay };
+  /** The recording in the pictures of a manoeuvre: in the large ones, and in the others where they differ; null without
+      one. A weave is shown by its last settled cycle, another drive by the section of the manoeuvre, or else as a whole,
+      and by its beginning over time. @param {any} manoeuvre */
+  function laid(manoeuvre) {
+    if (!kept) return null;
+    const of = kept, own = found.get(manoeuvre.name) ?? evaluated(of, manoeuvre), { cycles, why } = own;
+    const measured = own.read ? own : null;
+    found.set(manoeuvre.name, own);
+    if (told.className !== "refusal") told.textContent = why && `The curves alone are shown: ${why}.`;
+    if (cycles) {
+      const samples = cycles.time.length / (cycles.count + 2), first = cycles.count * samples;
+      const [from, to] = [first, first + samples].map((k) => Math.round(cycles.time[k] * rate - 1));
+      const cycle = stretch(of, from, to, 0);
+      return { over: cycle, early: cycle, measured };
+    }
+    if (manoeuvre.section) {
+      const [from, to] = manoeuvre.section.map((/** @type {number} */ t) => Math.round(t * rate));
+      const section = stretch(of, from, to, from / rate);
+      return { over: section, early: section, measured };
+    }
+    const period = Math.round(rate / manoeuvre.whole.frequency);
+    return { over: stretch(of, 0, Infinity, 0), early: stretch(of, 0, period, 0), measured };
+  }
+
+  return { laid };
 }

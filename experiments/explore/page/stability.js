@@ -1,15 +1,16 @@
-/* Whether the assist loop is stable with the handwheel held: a port of steer_env.vehicle.steering.stability, which
-   refuses a weave with a loop that is not. Slow oscillations need not be left out here: with a held handwheel the loop
-   has none that grows. */
+/* Whether the assist loop is stable with the handwheel held or free: a port of steer_env.vehicle.steering.stability, by
+   which Python refuses a drive with a loop that is not. */
 
 "use strict";
 
 /** @typedef {Record<string, [number, number]>} Places of packed numbers, by name */
 
-function steerStability() {
-  const SAMPLE = 1e-3, ROUNDING = 1e-6;  // [s], growth in a sample that counts as none [1]
-  const SQUARINGS = 30, HALVINGS = 20;
-  const TWIST = 0, SPEED = 1, MOTOR = 2;  // states of column and motor
+/** @param {Record<string, number>} constants of the Python module
+    @param {Record<string, [string, string, string]>} functions of the assist that may be too strong: key of their
+    strength, its unit, and what else helps */
+function steerStability(constants, functions) {
+  const { SAMPLE_TIME: SAMPLE, ROUNDING, SLOWEST, TWIST, COLUMN_SPEED, HANDWHEEL_SPEED, ANGLE } = constants;
+  const HALVINGS = 20;
 
   /** @typedef {number[][]} Matrix */
 
@@ -42,17 +43,103 @@ function steerStability() {
     return sum;
   }
 
-  /** Largest size of an eigenvalue, from the growth of a high power. @param {Matrix} a */
-  function radius(a) {
-    let log = 0, power = a;
-    for (let k = 0; k < SQUARINGS; k++) {
-      const scale = size(power);
-      if (scale === 0) return 0;
-      log += Math.log(scale) / 2 ** k;
-      power = power.map((row) => row.map((v) => v / scale));
-      power = times(power, power);
+  /** Eigenvalues, real and imaginary part: elimination to Hessenberg's form, then QR steps with two shifts at once
+      (Martin, Peters, Wilkinson, Numer. Math. 14 (1970) 219). @param {Matrix} given @returns {[number, number][]} */
+  function eigenvalues(given) {
+    const a = given.map((row) => [...row]), n = a.length;
+    for (let m = 1; m < n - 1; m++) {
+      let pivot = m;
+      for (let j = m; j < n; j++) if (Math.abs(a[j][m - 1]) > Math.abs(a[pivot][m - 1])) pivot = j;
+      if (a[pivot][m - 1] === 0) continue;
+      [a[m], a[pivot]] = [a[pivot], a[m]];
+      for (const row of a) [row[m], row[pivot]] = [row[pivot], row[m]];
+      for (let i = m + 1; i < n; i++) {
+        const y = a[i][m - 1] / a[m][m - 1];
+        if (y === 0) continue;
+        for (let j = m - 1; j < n; j++) a[i][j] -= y * a[m][j];
+        for (const row of a) row[m] += y * row[i];
+      }
     }
-    return Math.exp(log + Math.log(size(power) || 1) / 2 ** SQUARINGS);
+    /** @type {[number, number][]} */
+    const found = [];
+    const norm = size(a), small = (/** @type {number} */ l) =>
+      Math.abs(a[l][l - 1]) <= 2 ** -52 * (Math.abs(a[l][l]) + Math.abs(a[l - 1][l - 1]) || norm);
+    for (let end = n - 1, round = 0, shift = 0; end >= 0;) {
+      let low = end;
+      while (low > 0 && !small(low)) low--;
+      let x = a[end][end];
+      if (low === end) {
+        found.push([x + shift, 0]);
+        end--;
+        round = 0;
+        continue;
+      }
+      let y = a[end - 1][end - 1], w = a[end][end - 1] * a[end - 1][end];
+      if (low === end - 1) {
+        const p = 0.5 * (y - x), q = p * p + w, z = Math.sqrt(Math.abs(q));
+        if (q >= 0) {
+          const far = p + (p >= 0 ? z : -z);
+          found.push([x + shift + far, 0], [x + shift - (far ? w / far : 0), 0]);
+        } else found.push([x + shift + p, z], [x + shift + p, -z]);
+        end -= 2;
+        round = 0;
+        continue;
+      }
+      if (round > 0 && round % 10 === 0) {  // another shift where it goes in circles
+        shift += x;
+        for (let i = 0; i <= end; i++) a[i][i] -= x;
+        const s = Math.abs(a[end][end - 1]) + Math.abs(a[end - 1][end - 2]);
+        [x, y, w] = [0.75 * s, 0.75 * s, -0.4375 * s * s];
+      }
+      if (round++ > 60) throw new Error("the eigenvalues of the assist loop were not found");
+      let m = end - 2, p = 0, q = 0, r = 0;
+      for (; m >= low; m--) {
+        const z = a[m][m], u = x - z, v = y - z;
+        p = (u * v - w) / a[m + 1][m] + a[m][m + 1];
+        q = a[m + 1][m + 1] - z - u - v;
+        r = a[m + 2][m + 1];
+        const s = Math.abs(p) + Math.abs(q) + Math.abs(r);
+        [p, q, r] = [p / s, q / s, r / s];
+        if (m === low) break;
+        const beside = Math.abs(a[m - 1][m - 1]) + Math.abs(z) + Math.abs(a[m + 1][m + 1]);
+        if (Math.abs(a[m][m - 1]) * (Math.abs(q) + Math.abs(r)) <= 2 ** -52 * Math.abs(p) * beside) break;
+      }
+      for (let i = m + 2; i <= end; i++) {
+        a[i][i - 2] = 0;
+        if (i > m + 2) a[i][i - 3] = 0;
+      }
+      for (let k = m; k < end; k++) {
+        const last = k === end - 1;
+        if (k > m) {
+          [p, q, r] = [a[k][k - 1], a[k + 1][k - 1], last ? 0 : a[k + 2][k - 1]];
+          x = Math.abs(p) + Math.abs(q) + Math.abs(r);
+          if (x) [p, q, r] = [p / x, q / x, r / x];
+        }
+        const s = (p >= 0 ? 1 : -1) * Math.hypot(p, q, r);
+        if (s === 0) continue;
+        if (k > m) a[k][k - 1] = -s * x;
+        else if (low !== m) a[k][k - 1] = -a[k][k - 1];
+        p += s;
+        x = p / s;
+        y = q / s;
+        const z = r / s;
+        q /= p;
+        r /= p;
+        for (let j = k; j <= end; j++) {
+          p = a[k][j] + q * a[k + 1][j] + (last ? 0 : r * a[k + 2][j]);
+          if (!last) a[k + 2][j] -= p * z;
+          a[k + 1][j] -= p * y;
+          a[k][j] -= p * x;
+        }
+        for (let i = low; i <= Math.min(end, k + 3); i++) {
+          p = x * a[i][k] + y * a[i][k + 1] + (last ? 0 : z * a[i][k + 2]);
+          if (!last) a[i][k + 2] -= p * r;
+          a[i][k + 1] -= p * q;
+          a[i][k] -= p;
+        }
+      }
+    }
+    return found;
   }
 
   /** Cell of a grid and place in it, 0 to 1, held at the ends. @param {ArrayLike<number>} grid @param {number} x */
@@ -67,40 +154,49 @@ function steerStability() {
     const list = (/** @type {string} */ name) => numbers.subarray(...places[name]);
     const one = (/** @type {string} */ name) => numbers[places[name][0]];
     const filter = (/** @type {string} */ name) => ["b0", "b1", "a1"].map((key) => one(`${name}.${key}`));
-    const speeds = list("assist.speeds"), inertia = "assist.functions.inertia_compensation";
+    const own = "assist.functions", column = (/** @type {string} */ key) => one(`column.${key}`);
     return {
-      I2: one("column.I2"), K: one("column.K_tb"), C_tb: one("column.C_tb"), C2: one("column.C2"), speeds,
-      torques: list("assist.torques"), boost: list("assist.boost"), damping: list("assist.damping"),
-      lead: ["lead_b0", "lead_b1", "lead_a1"].map((key) => one(`assist.${key}`)), delay: one("assist.delay"),
-      offset: one("assist.offset"), bandwidth: one("assist.bandwidth"), leadLag: one("assist.functions.lead_lag.gain"),
-      first: filter("assist.functions.lead_lag.lag"), second: filter("assist.functions.lead_lag.lead"),
-      inertia: list(`${inertia}.gain`), derivative: filter(`${inertia}.derivative`),
+      I1: column("I1") + column("I_arm"), I2: column("I2"), K: column("K_tb"), C_tb: column("C_tb"),
+      C1: column("C1") + column("C_arm"), C2: column("C2"), K_arm: column("K_arm"),
+      speeds: list("assist.speeds"), torques: list("assist.torques"), boost: list("assist.boost"),
+      damping: list("assist.damping"), lead: ["lead_b0", "lead_b1", "lead_a1"].map((key) => one(`assist.${key}`)),
+      delay: one("assist.delay"), offset: one("assist.offset"), bandwidth: one("assist.bandwidth"),
+      first: filter(`${own}.lead_lag.lag`), second: filter(`${own}.lead_lag.lead`),
+      derivative: filter(`${own}.inertia_compensation.derivative`),
+      returnLead: one(`${own}.active_return.lead`), halfSpeed: one(`${own}.active_return.half_speed`),
+      gains: Object.fromEntries(Object.keys(functions).map((name) => [name, Array.from(list(`${own}.${name}.gain`))])),
     };
   }
 
   /** @typedef {ReturnType<typeof read>} Loop */
 
-  /** Column and motor over a time [s] at a constant command, which the last column takes. @param {Loop} p
-      @param {number} time */
-  function discrete(p, time) {
-    return exponential([
-      [0, -1, 0, 0],
-      [p.K / p.I2, (-p.C_tb - p.C2) / p.I2, 1 / p.I2, 0],
-      [0, 0, -p.bandwidth, p.bandwidth],
-      [0, 0, 0, 0],
-    ].map((row) => row.map((v) => v * time)));
+  /** Column and motor over a time [s] at a constant command, which the last column takes; with a free handwheel its speed
+      and angle are states too. @param {Loop} p @param {number} time @param {boolean} free */
+  function discrete(p, time, free) {
+    const held = [
+      [0, -1, 0, 1, 0, 0],
+      [p.K / p.I2, (-p.C_tb - p.C2) / p.I2, 1 / p.I2, p.C_tb / p.I2, 0, 0],
+      [0, 0, -p.bandwidth, 0, 0, p.bandwidth],
+      [-p.K / p.I1, p.C_tb / p.I1, 0, (-p.C_tb - p.C1) / p.I1, -p.K_arm / p.I1, 0],
+      [0, 0, 0, 1, 0, 0],
+      [0, 0, 0, 0, 0, 0],
+    ];
+    const kept = free ? [0, 1, 2, 3, 4, 5] : [0, 1, 2, 5];
+    return exponential(kept.map((i) => kept.map((j) => held[i][j] * time)));
   }
 
   /** A value by speed. @param {ArrayLike<number>} values @param {[number, number] | number[]} at */
   const between = (values, [i, u]) => values[i] + u * (values[i + 1] - values[i]);
 
   /** The matrix that takes the states of the loop one sample further, as closed_loop. @param {Loop} p
-      @param {number} speed [m/s] @param {number} slope of the boost curve [1] @param {Matrix[]} steps */
-  function closedLoop(p, speed, slope, steps) {
-    const n = 3 + p.delay + 5, Z = identity(n), at = bracket(p.speeds, speed);
+      @param {number} speed [m/s] @param {number} slope of the boost curve [1] @param {Matrix[]} steps
+      @param {boolean} free */
+  function closedLoop(p, speed, slope, steps, free) {
+    const n = free ? 5 : 3, Z = identity(n + p.delay + 5), at = bracket(p.speeds, speed);
     /** @param {[number, number[]][]} terms */
     const sum = (...terms) => Z[0].map((_, j) => terms.reduce((total, [factor, row]) => total + factor * row[j], 0));
-    const queue = Z.slice(3, 4 + p.delay), x = Z.slice(4 + p.delay), twist = sum([p.K, Z[TWIST]]), turning = Z[SPEED];
+    const queue = Z.slice(n, n + 1 + p.delay), x = Z.slice(n + 1 + p.delay);
+    const twist = sum([p.K, Z[TWIST]]), turning = Z[COLUMN_SPEED];
     /** @param {number[]} filter @param {number[]} state @param {number[]} u */
     const filtered = ([b0, b1, a1], state, u) => {
       const y = sum([b0, u], [1, state]);
@@ -109,25 +205,31 @@ function steerStability() {
     const [boosted, lead] = filtered(p.lead, x[0], sum([slope, twist]));
     const [lagging, lag] = filtered(p.first, x[1], twist), [shifted, second] = filtered(p.second, x[2], lagging);
     const [accelerated, derivative] = filtered(p.derivative, x[3], turning);
-    const command = sum([1, boosted], [-between(p.damping, at), turning], [p.leadLag, shifted],
-      [between(p.inertia, at), accelerated]);
+    let command = sum([1, boosted], [-between(p.damping, at), turning], [p.gains.lead_lag[0], shifted],
+      [between(p.gains.inertia_compensation, at), accelerated]);
+    if (free) {
+      const stiffness = (between(p.gains.active_return, at) * speed) / (speed + p.halfSpeed);
+      const damping = between(p.gains.damping, at) + stiffness * p.returnLead;
+      command = sum([1, command], [-damping, Z[HANDWHEEL_SPEED]], [-stiffness, Z[ANGLE]]);
+    }
     const commands = [command, ...queue];
-    let state = Z.slice(0, 3);
+    let state = Z.slice(0, n);
     [queue[queue.length - 1], commands[p.delay]].forEach((acting, k) => {
-      const step = steps[k];
-      state = [TWIST, SPEED, MOTOR].map((i) =>
-        sum([step[i][0], state[0]], [step[i][1], state[1]], [step[i][2], state[2]], [step[i][3], acting]));
+      const all = [...state, acting];
+      state = state.map((_, i) => sum(.../** @type {[number, number[]][]} */ (all.map((row, j) => [steps[k][i][j], row]))));
     });
     return [...state, ...commands.slice(0, -1), lead, lag, second, derivative];
   }
 
-  /** @param {Loop} p @param {number} speed [m/s] */
-  function stable(p, speed) {
-    const steps = [p.offset, SAMPLE - p.offset].map((time) => discrete(p, time)), at = bracket(p.speeds, speed);
+  /** Whether no oscillation above 3 Hz grows at any slope of the boost curve. @param {Loop} p @param {number} speed [m/s]
+      @param {boolean} free */
+  function stable(p, speed, free) {
+    const steps = [p.offset, SAMPLE - p.offset].map((time) => discrete(p, time, free)), at = bracket(p.speeds, speed);
     const boost = Array.from(p.torques, (_, j) => between(
       Array.from(p.speeds, (_, i) => p.boost[i * p.torques.length + j]), at));
-    const slopes = boost.slice(1).map((v, j) => (v - boost[j]) / (p.torques[j + 1] - p.torques[j]));
-    return slopes.every((slope) => radius(closedLoop(p, speed, slope, steps)) <= 1 + ROUNDING);
+    const slopes = new Set(boost.slice(1).map((v, j) => (v - boost[j]) / (p.torques[j + 1] - p.torques[j])));
+    return [...slopes].every((slope) => eigenvalues(closedLoop(p, speed, slope, steps, free)).every(([re, im]) =>
+      Math.abs(Math.atan2(im, re)) <= 2 * Math.PI * SLOWEST * SAMPLE || Math.hypot(re, im) <= 1 + ROUNDING));
   }
 
   /** The largest factor up to which a condition holds that holds at 0 and not at 1. @param {(f: number) => boolean} holds */
@@ -143,22 +245,47 @@ function steerStability() {
 
   /** Rounded towards 0 to three digits. @param {number} value */
   function threeDigits(value) {
-    const step = 10 ** (Math.floor(Math.log10(value)) - 2);
+    if (value === 0) return "0";
+    const step = 10 ** (Math.floor(Math.log10(Math.abs(value))) - 2);
     return String(Number((Math.trunc(value / step) * step).toPrecision(3)));
   }
 
-  /** Why the loop is unstable and what helps, in Python's words where no function of the assist is to blame; empty where
-      it is stable. @param {Places} places @param {Float64Array} numbers @param {number} speed [m/s] */
-  function reason(places, numbers, speed) {
-    const p = read(places, numbers);
-    if (stable(p, speed)) return "";
-    const text = `the assist loop is unstable at ${Number((3.6 * speed).toPrecision(4))} km/h with the handwheel held`;
-    const bare = { ...p, leadLag: 0, inertia: p.inertia.map(() => 0) };
-    if (stable(bare, speed)) {
-      return `${text}: inertia_compensation or lead_lag_gain is too large`;
+  /** The loop with a factor on the strength of some functions. @param {Loop} p @param {string[]} names
+      @param {number} factor */
+  const scaled = (p, names, factor) => ({ ...p, gains: Object.fromEntries(Object.entries(p.gains).map(([name, gain]) =>
+    [name, names.includes(name) ? gain.map((v) => factor * v) : gain])) });
+
+  /** Reasons that were found; the friction law, for one, does not change them. @type {Map<string, string>} */
+  const known = new Map();
+
+  /** Why the loop is unstable and what helps, in Python's words; empty where it is stable. @param {Places} places
+      @param {Float64Array} numbers @param {number} speed [m/s] @param {boolean} free whether the handwheel is */
+  function reason(places, numbers, speed, free) {
+    const p = read(places, numbers), key = JSON.stringify([p, speed, free]);
+    if (known.size > 20) known.clear();
+    if (!known.has(key)) known.set(key, found(p, speed, free));
+    return /** @type {string} */ (known.get(key));
+  }
+
+  /** @param {Loop} p @param {number} speed [m/s] @param {boolean} free */
+  function found(p, speed, free) {
+    const calm = (/** @type {Loop} */ loop) => stable(loop, speed, free);
+    if (calm(p)) return "";
+    const text = `the assist loop is unstable at ${Number((3.6 * speed).toPrecision(4))} km/h ` +
+      (free ? "with the hands off" : "with the handwheel held");
+    const active = Object.keys(p.gains).filter((name) => p.gains[name].some(Boolean));
+    const blamed = [...active.map((name) => [name]), active].find((names) => calm(scaled(p, names, 0)));
+    if (blamed) {
+      const factor = largest((f) => calm(scaled(p, blamed, f)));
+      return `${text}: ${blamed.map((name) => {
+        const [key, unit, more] = functions[name], gain = p.gains[name];
+        const value = gain.length > 1 ? between(gain, bracket(p.speeds, speed)) : gain[0];
+        return `assist.${key} is ${Number(value.toPrecision(4))}${unit}; it is stable with ${threeDigits(factor * value)}${more}`;
+      }).join(", ")}`;
     }
-    const softer = (/** @type {number} */ f) => f === 0 || stable({ ...bare, K: f * p.K }, speed);
-    const flatter = (/** @type {number} */ f) => stable({ ...bare, boost: p.boost.map((v) => f * v) }, speed);
+    const bare = scaled(p, active, 0);
+    const softer = (/** @type {number} */ f) => f === 0 || calm({ ...bare, K: f * p.K });
+    const flatter = (/** @type {number} */ f) => calm({ ...bare, boost: p.boost.map((v) => f * v) });
     const ways = `K_tb ${threeDigits(largest(softer) * p.K)}` +
       (flatter(0) ? `, or with ${threeDigits(largest(flatter))} times the boost` : "");
     return `${text}: K_tb ${Number(p.K.toPrecision(6))} N m/rad is too stiff for this assist; it is stable with ${ways}`;

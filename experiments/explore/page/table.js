@@ -6,9 +6,9 @@
  *             usual: [number, number] | null, validity: [number, number] | null}} MetricEntry */
 /** @typedef {{values: Record<string, number>, reasons: Record<string, string>}} Measured */
 
-/** @param {HTMLTableElement} host @param {MetricEntry[]} entries
+/** @param {HTMLTableElement} host
     @param {{share: number, least: Record<string, number>, sustained: string[], words: string[]}} noticed */
-function steerTable(host, entries, noticed) {
+function steerTable(host, noticed) {
   const [PERCEPTIBLE, IMPERCEPTIBLE, UNKNOWN] = noticed.words;
 
   /** Three digits; of a bound as few as it takes. @param {number} value @param {boolean} [bound] */
@@ -58,7 +58,7 @@ function steerTable(host, entries, noticed) {
   function compared(entry, base, value) {
     const made = cell("td", written(base), "value"), verdict = perceived(entry, base, value);
     if (!Number.isFinite(base) || !Number.isFinite(value)) return made;
-    // Two weaves of one car differ by the tolerance of the search for the amplitude.
+    // Two drives of one car differ by the tolerance of the search for the amplitude.
     if (Math.abs(value - base) < 1e-4 * Math.abs(base)) return made;
     const sign = value >= base ? "+" : "\u2212", share = Math.abs((100 * (value - base)) / base);
     const gap = `${sign}${written(Math.abs(value - base))}`;
@@ -67,8 +67,22 @@ function steerTable(host, entries, noticed) {
     return made;
   }
 
-  /** @param {Measured} measured @param {Record<string, Measured>} pins */
-  function show(measured, pins) {
+  /** Why metrics have no value, as the caption below the table. @param {MetricEntry[]} entries
+      @param {Record<string, Measured>} columns this car by an empty name, and the others */
+  function missing(entries, columns) {
+    const caption = cell("caption", "");
+    for (const [name, { reasons }] of Object.entries(columns)) {
+      for (const reason of new Set(Object.values(reasons))) {
+        const labels = entries.filter((entry) => reasons[entry.name] === reason).map(({ label }) => label);
+        const what = labels.length === entries.length ? "no metric" : labels.join(", ");
+        caption.append(cell("p", `${[name, what].filter(Boolean).join(", ")}: ${reason}.`));
+      }
+    }
+    return caption;
+  }
+
+  /** @param {MetricEntry[]} entries @param {Measured} measured @param {Record<string, Measured>} pins */
+  function show(entries, measured, pins) {
     const names = Object.keys(pins), head = document.createElement("tr");
     head.append(cell("th", "Metric"), cell("th", "This car"), cell("th", "Usual", "range"),
       ...names.map((name) => cell("th", `${name}, this − ${name}`)));
@@ -86,7 +100,7 @@ function steerTable(host, entries, noticed) {
     const heading = document.createElement("thead"), body = document.createElement("tbody");
     heading.append(head);
     body.append(...rows);
-    host.replaceChildren(heading, body);
+    host.replaceChildren(missing(entries, { "": measured, ...pins }), heading, body);
   }
 
   return { show, perceived, written };

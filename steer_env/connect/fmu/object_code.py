@@ -1,6 +1,6 @@
 """Object code of a subsystem, which an FMU contains: for a stated platform and, of x86-64, level of processors."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from typing import Any, NamedTuple
 
 import numba
@@ -107,10 +107,15 @@ def processor(name: str) -> Processor:
     return Processor(name, tuple(feature for feature in FEATURES if here.get(feature, False)))
 
 
-def module_text(subsystem: Subsystem, chosen: Collection[str] | None = None) -> str:
+def module_text(
+    subsystem: Subsystem,
+    chosen: Collection[str] | None = None,
+    further: Mapping[str, tuple[Any, tuple]] | None = None,
+) -> str:
     """LLVM module of a subsystem, optimised, whose only visible functions are its :func:`functions`, or those chosen.
 
-    Its code is made for the structure of the subsystem's parameters, not for their values.
+    ``further`` holds other kernels that become visible functions, with the types of their arguments. The code is made
+    for the structure of the subsystem's parameters, not for their values.
 
     Raises
     ------
@@ -119,10 +124,10 @@ def module_text(subsystem: Subsystem, chosen: Collection[str] | None = None) -> 
     """
     require_compiled("an export")
     whole = llvm.parse_assembly("")
-    for name, function in functions(subsystem).items():
-        if chosen is not None and name not in chosen:
-            continue
-        whole.link_in(_module(name, function, signature(subsystem)))
+    own = {name: (function, signature(subsystem)) for name, function in functions(subsystem).items()}
+    for name, (function, arguments) in {**own, **(further or {})}.items():
+        if chosen is None or name in chosen or name not in own:
+            whole.link_in(_module(name, function, arguments))
     return str(whole)
 
 

@@ -237,6 +237,14 @@ def steering_stiffness(p: plant.Plant, run: Callable = plant.run) -> float:
     return float(held[1] - held[0]) / 0.1
 
 
+def sine_hands(t: Array, amplitude: float, frequency: float) -> tuple[Array, Array]:
+    """Angle and speed of a handwheel that swings in a sine, whose amplitude rises linearly over the first period."""
+    omega = 2.0 * np.pi * frequency
+    rise, slope = np.minimum(t * frequency, 1.0), np.where(t * frequency < 1.0, frequency, 0.0)
+    speed = amplitude * (rise * omega * np.cos(omega * t) + slope * np.sin(omega * t))
+    return amplitude * rise * np.sin(omega * t), speed
+
+
 def sine_response(
     p: plant.Plant, amplitude: float, frequency: float, run: Callable = plant.run
 ) -> NDArray[np.complex128]:
@@ -259,10 +267,8 @@ def sine_response(
     state, row = plant.settled(p, run)
     period, omega = round(1.0 / (frequency * SAMPLE_TIME * HOLD)), 2.0 * np.pi * frequency
     t = SAMPLE_TIME * np.arange(1.0, 3 * period * HOLD + 1.0)
-    rise, slope = np.minimum(t * frequency, 1.0), np.where(t * frequency < 1.0, frequency, 0.0)
     u = np.zeros((t.size, len(plant.INPUTS)))
-    u[:, plant.HAND] = amplitude * rise * np.sin(omega * t)
-    u[:, plant.HAND_SPEED] = amplitude * (rise * omega * np.cos(omega * t) + slope * np.sin(omega * t))
+    u[:, plant.HAND], u[:, plant.HAND_SPEED] = sine_hands(t, amplitude, frequency)
     wanted, record, found = [plant.CHANNEL[name] for name in _RESPONSE], row[None].copy(), []
     for held in u.reshape(-1, HOLD, u.shape[1]):
         run(p, state, held, record, 1)

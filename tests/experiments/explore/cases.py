@@ -38,9 +38,14 @@ def address(page, law="lugre", body="single_track", **values):
     return f"{page.as_uri()}#{'&'.join(f'{key}={value}' for key, value in pairs.items())}"
 
 
-def evaluated(law, body, values):
-    """Python's metrics of the standard weave with values of the page."""
-    car, speed = cars.load("compact"), values.get("speed_kph", 100.0) / 3.6
-    weave = replace(manoeuvres.make("weave"), speed=speed, chassis=body)
-    p = parameters.plant(car, law, body, values) if values else driving.build_plant(car, weave, law)
-    return metrics.evaluate(driving.drive_plant(car, p, weave), "weave", speed_m_s=speed, intervals=False)
+def driven(law, body, values, name="weave"):
+    """Python's recording of a standard manoeuvre with values of the page."""
+    car, made = cars.load("compact"), manoeuvres.make(name)
+    made = replace(made, speed=values.get("speed_kph", made.speed * 3.6) / 3.6, chassis=body)
+    p = parameters.plant(car, law, body, values) if values else driving.build_plant(car, made, law)
+    return driving.drive_plant(car, p, made)
+
+
+def evaluated(law, body, values, name="weave"):
+    """Python's metrics of the standard manoeuvre with values of the page."""
+    return metrics.evaluate(driven(law, body, values, name), name, intervals=False)

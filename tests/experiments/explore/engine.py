@@ -10,12 +10,15 @@ from steer_env.friction.numerics.packing import pack
 from steer_env.vehicle import cars
 
 START = """
-const simulation = steerSimulation(), metrics = steerMetrics(declared.loops), stability = steerStability();
+const { drives } = declared, { constants } = drives;
+const simulation = steerSimulation(drives.rate, drives.regrip), metrics = steerMetrics(drives.filters, drives.rate);
+const stability = steerStability(constants.stability, drives.functions), readers = Object.fromEntries(
+  Object.entries(STEER_READERS).map(([name, reader]) => [name, reader(metrics, constants)]));
 const policies = steerPolicies();
 const modules = [wasm, beginning].map((bytes) => new WebAssembly.Module(Uint8Array.from(bytes)));
 const imports = modules.flatMap((one) => WebAssembly.Module.imports(one).map(({ name }) => name));
 const shared = Float64Array.from(tables), begun = new simulation.Beginning(structure, modules[1], shared);
-const car = new simulation.Car(structure, modules[0], begun, shared), { weave } = declared;
+const car = new simulation.Car(structure, modules[0], begun, shared);
 const exchanging = steerExchange(declared.drive), handing = steerHands(declared.drive);
 const logging = steerLog(declared.drive), staircases = steerStaircase(declared.drive.blind);
 function whole(steps) {
@@ -32,8 +35,9 @@ class Engine:
 
     def __init__(self, law, body):
         self._context = MiniRacer()
-        for name in ("metrics", "policy", "simulation", "stability", "exchange", "hands", "pace", "log", "staircase"):
-            self._context.eval((writing.PAGE / f"{name}.js").read_text(encoding="utf-8"))
+        for name in ("metrics*", "policy", "simulation", "stability", "worker", "exchange", "hands", "pace", "log", "staircase"):
+            for file in sorted(writing.PAGE.glob(f"{name}.js")):
+                self._context.eval(file.read_text(encoding="utf-8"))
         car, which = cars.load("compact"), writing.Combination(law, body)
         own, begun = (parameters.plant(car, each, body, {}) for each in (law, module.BEGINNING))
         self.structure = writing.structure(car, which)

@@ -46,12 +46,14 @@ def test_a_weave_of_an_unstable_assist_loop_has_no_metrics(page, browser):
 def test_a_slider_by_the_keyboard_drives_the_car_anew_and_the_address_repeats_it(page, browser):
     browser.open(address(page))
     browser.until(READY)
-    before = browser.value("steerShown.answer.values.torque_deadband")
+    before, run = browser.value("[steerShown.answer.values.torque_deadband, steerShown.answer.id]")
     browser.value("document.querySelector('input[type=range][data-name=\"friction.F_c\"]').focus()")
     for _ in range(40):
         browser.key("ArrowRight")
-    # The address follows the weave of the last value, and before that perhaps one of a value on the way.
-    browser.until("location.hash.endsWith(`friction.F_c=${document.getElementById('field-friction.F_c').value}`)")
+    browser.until(
+        "location.hash.endsWith(`friction.F_c=${document.getElementById('field-friction.F_c').value}`)"
+        f" && {READY} > {run}"
+    )
     after = browser.value("steerShown.answer.values.torque_deadband")
     assert after > 1.2 * before
     shown = browser.value("document.getElementById('field-friction.F_c').value")
@@ -115,7 +117,7 @@ def test_pins_are_laid_over_and_differences_are_told(page, browser):
     browser.until("document.querySelectorAll('#metrics thead th').length === 4")
     browser.value("document.getElementById('field-assist.boost_scale').select()")
     browser.type("0.5")
-    browser.until("location.hash.includes('assist.boost_scale=0.5')")
+    browser.until("location.hash.includes('assist.boost_scale=0.5') && steerShown.answer.exact")
     rows = "[...document.querySelectorAll('#metrics tbody tr')]"
     peak = f"{rows}.find((row) => row.textContent.startsWith('peak handwheel torque'))"
     assert browser.value(f"{peak}.querySelector('small.noticed').textContent") == "perceptible"
@@ -153,6 +155,34 @@ def test_a_pinned_car_finds_an_amplitude_of_its_own(page, browser):
     browser.open(address(page, speed_kph=60, A=quote(fast)))
     browser.until("document.querySelector('#pinned li') !== null")
     assert browser.value("steerShown.pins.A.answer.amplitude") < 0.4 * browser.value("steerShown.answer.amplitude")
+
+
+def test_pins_that_are_removed_while_one_is_driven_stay_away(page, browser):
+    browser.open(address(page))
+    browser.until(READY)
+    browser.value("document.querySelector('button.pin[data-pin=A]').click()")
+    browser.value("document.getElementById('unpin').click()")
+    browser.value("document.querySelector('button.pin[data-pin=B]').click()")
+    browser.until("document.querySelector('#pinned li[data-pin=B]') !== null")
+    assert browser.value("document.querySelector('#pinned li[data-pin=A]') === null")
+
+
+def test_a_manoeuvre_of_a_standing_car_takes_its_chassis_and_pins_along(pages, browser):
+    """Parking as Python drives it, and back to a weave on the chassis of before."""
+    browser.open(address(pages, A=quote("law=masing&chassis=single_track")))
+    browser.until(f"{READY} && document.querySelector('#pinned li') !== null")
+    choose(browser, "manoeuvre", "parking")
+    browser.until(f"{READY} && steerShown.answer.manoeuvre === 'parking'")
+    browser.until("document.querySelectorAll('#metrics thead th').length === 4")
+    found = browser.value("[steerShown.answer.values, steerShown.pins.A.answer.values]")
+    for values, law in zip(found, ("lugre", "masing")):
+        expected = evaluated(law, "two_track", {}, "parking")
+        assert values == {name: pytest.approx(value.value, rel=1e-4) for name, value in expected.items()}
+    assert browser.value("document.getElementById('chassis').value") == "two_track"
+    assert "manoeuvre=parking" in browser.value("location.hash")
+    choose(browser, "manoeuvre", "weave")
+    browser.until(f"{READY} && steerShown.answer.manoeuvre === 'weave'")
+    assert browser.value("document.getElementById('chassis').value") == "single_track"
 
 
 def test_a_folder_that_lacks_a_file_is_told(page, browser, tmp_path):
@@ -216,6 +246,21 @@ def choose(browser, name, value):
         f"((select) => {{ select.value = '{value}'; select.dispatchEvent(new Event('change')); }})"
         f"(document.getElementById('{name}'))"
     )
+
+
+@chromium_needed
+def test_a_phone_has_targets_for_a_finger_and_does_not_scroll_sideways(page, tmp_path):
+    """At least 24 px each way, as WCAG 2.2 asks (2.5.8)."""
+    with Chromium(tmp_path / "profile", 390, 844) as phone:
+        phone.open(address(page))
+        phone.until(READY)
+        small = phone.value(
+            "[...document.querySelectorAll('main :is(button, select, input:not([type=file]), label.file, summary)')]"
+            ".filter((one) => one.checkVisibility()).map((one) => [one.outerHTML, one.getBoundingClientRect()])"
+            ".filter(([, box]) => box.width < 24 || box.height < 24).map(([html]) => html)"
+        )
+        assert small == []
+        assert phone.value("document.documentElement.scrollWidth <= innerWidth")
 
 
 def test_nothing_is_asked_of_a_network(page, browser):

@@ -54,7 +54,7 @@ def test_a_recording_is_laid_over_and_removed(page, browser, weave, tmp_path):
         assert browser.value(f"{TOLD}.textContent") == ""
         assert browser.value("document.querySelector('#recording span').textContent") == f"R: {file.name}, compact"
         expected = metrics.evaluate(recording.read(file), "weave", intervals=False)
-        found = browser.value("steerShown.recording.laid(5).over.values")
+        found = browser.value("steerShown.laid().measured.values")
         assert {name: pytest.approx(value.value, rel=close) for name, value in expected.items()} == found
         browser.value("document.querySelector('#recording button').click()")
         assert not browser.value(LAID)
@@ -68,7 +68,7 @@ def test_what_is_no_recording_is_refused_in_a_sentence(page, browser):
         browser.until(f"{TOLD}.className === 'refusal'")
         assert browser.value(f"{TOLD}.textContent").startswith(f"dropped.csv is not shown: {words}")
         browser.value(f"{TOLD}.className = ''")
-    assert browser.value("steerShown.recording.laid(5)") is None
+    assert browser.value("steerShown.laid()") is None
 
 
 def test_a_recording_of_another_drive_is_shown_as_a_whole(page, browser):
@@ -77,7 +77,25 @@ def test_a_recording_of_another_drive_is_shown_as_a_whole(page, browser):
     browser.until(READY)
     text = "time [ms];handwheel_torque (Ncm);rack_force_kN\\n0;150;2\\n100;100,5;3\\n150;50;1\\n"
     browser.value(DROP % f"'{text}'")
-    browser.until(f"{TOLD}.textContent.includes('shown as a whole')")
-    shown = browser.value("steerShown.recording.laid(0.05).over.shown")
+    browser.until(f"{TOLD}.textContent === 'The curves alone are shown: there is no channel handwheel_angle.'")
+    shown = browser.value("steerShown.laid().over.shown")
     assert (shown["handwheel_torque"][100], shown["rack_force"][-1]) == (pytest.approx(1.005), pytest.approx(1000.0))
-    assert len(browser.value("steerShown.recording.laid(0.05).early.shown.rack_force")) == 51
+
+
+def test_a_recording_is_read_as_the_manoeuvre_that_is_shown(page, browser, tmp_path):
+    """A release, which is no weave."""
+    car, of = cars.load("compact"), manoeuvres.make("release")
+    release = driving.drive_plant(car, driving.build_plant(car, of, "dahl"), of)
+    recording.write(release, tmp_path / "release.csv")
+    browser.open(address(page))
+    browser.until(READY)
+    browser.choose_file("#recording input", tmp_path / "release.csv")
+    browser.until(f"{TOLD}.textContent === 'The curves alone are shown: its manoeuvre is release.'")
+    browser.value(
+        "((select) => { select.value = 'release'; select.dispatchEvent(new Event('change')); })"
+        "(document.getElementById('manoeuvre'))"
+    )
+    browser.until(f"{READY} && steerShown.answer.manoeuvre === 'release' && {TOLD}.textContent === ''")
+    expected = metrics.evaluate(release, "release", intervals=False)
+    found = browser.value("steerShown.laid().measured.values")
+    assert {name: pytest.approx(value.value, rel=1e-3) for name, value in expected.items()} == found
