@@ -65,7 +65,7 @@ def beginning(p: Plant) -> bytes:
 
 
 @kernel
-def path(numbers, tables, memory, scales, x, step, out):
+def path(numbers: Any, tables: Any, memory: Any, scales: Any, x: Any, step: Any, out: Any) -> None:
     """The torque of a friction law along a displacement, as :func:`steer_env.friction.response.follow`; by addresses.
 
     ``step`` has one value, the time between two samples [s].
