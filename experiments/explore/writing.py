@@ -18,7 +18,16 @@ from typing import Any
 
 import numpy as np
 
-from steer_env.experiments.explore import carrying, characteristics, drive_page, drives, module, packing, parameters, policies
+from steer_env.experiments.explore import (
+    carrying,
+    characteristics,
+    drive_page,
+    drives,
+    module,
+    packing,
+    parameters,
+    policies,
+)
 from steer_env.experiments.pages import files
 from steer_env.friction.law import LAWS
 from steer_env.friction.numerics.check import one_of

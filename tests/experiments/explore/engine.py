@@ -35,7 +35,18 @@ class Engine:
 
     def __init__(self, law, body):
         self._context = MiniRacer()
-        for name in ("metrics*", "policy", "simulation", "stability", "worker", "exchange", "hands", "pace", "log", "staircase"):
+        for name in (
+            "metrics*",
+            "policy",
+            "simulation",
+            "stability",
+            "worker",
+            "exchange",
+            "hands",
+            "pace",
+            "log",
+            "staircase",
+        ):
             for file in sorted(writing.PAGE.glob(f"{name}.js")):
                 self._context.eval(file.read_text(encoding="utf-8"))
         car, which = cars.load("compact"), writing.Combination(law, body)
