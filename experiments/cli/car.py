@@ -12,6 +12,7 @@ from steer_env.experiments.cli.common import names, options
 from steer_env.experiments.pages import car_options
 
 GROUP = "car"
+LAWS_SHOWN = ("lugre", "masing")  # by --live
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -26,6 +27,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     text = "write index.html and car.json with the derived quantities, and print them"
     parser.add_argument("--page", action="store_true", help=text)
     options.add_page(parser, "of the page, replaced as a whole", otherwise="car_NAME")
+    options.add_live(parser, "the car with the laws LuGre and Masing")
     parser.set_defaults(vehicle=None)
 
 
@@ -33,6 +35,8 @@ def run(args: argparse.Namespace) -> None:
     """Print the car, or write its file or page."""
     if args.out and not args.page:
         raise ValueError("--out is the directory of the page: give --page with it")
+    if args.live and not args.page:
+        raise ValueError("--live is beside the page: give --page with it")
     if args.new:
         _new(args)
         return
@@ -45,17 +49,20 @@ def run(args: argparse.Namespace) -> None:
         print(json.dumps(car.data(), indent=2))
         return
     out = Path(args.out or f"car_{car.name}")
+    live = options.live(args)
 
     from steer_env.experiments.cli.common.tables import print_quantities
     from steer_env.experiments.pages import files, provenance
     from steer_env.experiments.pages.options import progress
     from steer_env.experiments.reports import car_page
+    from steer_env.friction import make
 
     files.usable(out, car_page.CONTENTS)
     with progress("compiling and driving", None) as notify:
         notify(0.0, "compiling and driving")
         trace = provenance.trace(command=args.argv, result=out.name, car=car)
-        found = car_page.build(out, car, trace)
+        beside = live(car, {law: make(law) for law in LAWS_SHOWN}) if live else None
+        found = car_page.build(out, car, trace, beside)
     print_quantities(found, car.name)
     print(out / "index.html")
 

@@ -32,6 +32,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--law", metavar="LAW", nargs="+", action="extend", help=text)
     text = "for index.html, fit.json and LAW.json, replaced as a whole"
     options.add_page(parser, text, otherwise="friction_NAME")
+    options.add_live(parser, "--vehicle, or the default car, with the fitted laws")
     text = "share of the record, its last part, that judges and is not fitted (default: 0.4, where enough is left)"
     parser.add_argument("--held-out", metavar="SHARE", type=options.real, help=text)
     _add_reading(parser)
@@ -108,6 +109,7 @@ def run(args: argparse.Namespace) -> None:
     from steer_env.experiments.reports import friction_fit, friction_fit_page
     from steer_env.friction.law import LAWS
     from steer_env.friction.numerics.check import number
+    from steer_env.vehicle import cars
 
     laws = list(LAWS.available()) if args.law in (None, [ALL]) else list(dict.fromkeys(args.law))
     for law in laws:
@@ -118,26 +120,31 @@ def run(args: argparse.Namespace) -> None:
     if args.held_out is not None:
         held_out = number("--held-out", args.held_out, minimum=0.0, maximum=0.9)
     out = Path(args.out or f"friction_{name}")
+    live = options.live(args)
     files.usable(out, friction_fit.contents())
     car = car_options.load(args) if car_options.given(args) else None
     record = _record(path, args, car)
     if args.by_position not in (None, "fitted") and not record.of_a_column:
         raise ValueError("--by-position ORDER counts periods in a turn, and the record has none: give --lever too")
+    if live and not record.of_a_column:
+        raise ValueError("--live needs friction of a column, in rad and N m: give --lever or --to-column too")
     with progress("fitting") as notify:
         found = friction_fit.collect(
             record, name, laws, held_out=held_out, by_load=args.by_load, options=_options(args), notify=notify
         )
     print_fits(found)
+    fitted = {each.law: each.fit.parameters for each in found.laws if each.fit is not None}
     trace = provenance.trace(
         command=args.argv,
         result=out.name,
         car=car,
-        friction={each.law: each.fit.parameters for each in found.laws if each.fit is not None},
+        friction=fitted,
         inputs=inputs.of(args),
         seed=args.seed,
         mapping=mapping_of(0, args).plain(),
     )
-    friction_fit_page.write(out, found, trace)
+    beside = live(car or cars.load(), fitted) if live and fitted else None
+    friction_fit_page.write(out, found, trace, beside)
     print(out / "index.html")
     if found.best is None:
         raise ValueError("no law was fitted: the table and the page say why")

@@ -28,6 +28,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     options.add_page(
         parser, "for index.html, fit.json, car.toml, friction.json, replaced as a whole", otherwise="steering_NAME"
     )
+    options.add_live(parser, "the fitted car with its law")
     text = "share of the record, its last part, that judges and is not fitted (default: 0.35)"
     parser.add_argument("--held-out", metavar="SHARE", type=options.real, default=0.35, help=text)
     options.add(parser, "--seed", "of the draws of the intervals", 0)
@@ -48,9 +49,11 @@ def run(args: argparse.Namespace) -> None:
     from steer_env.experiments.pages import files, provenance
     from steer_env.experiments.pages.options import progress
     from steer_env.experiments.reports import steering_fit
+    from steer_env.friction.law import law_of
     from steer_env.hand_torque import identify, prepared
 
     out = Path(args.out or f"steering_{name}")
+    live = options.live(args)
     files.usable(out, steering_fit.contents())
     car = car_options.load(args)
     drive = prepared(read(path, 0, args))
@@ -76,7 +79,10 @@ def run(args: argparse.Namespace) -> None:
         seed=args.seed,
         mapping=mapping_of(0, args).plain(),
     )
-    steering_fit.write(out, found, name, of_car, trace)
+    beside = None
+    if live and isinstance(of_car, ColumnFit):
+        beside = live(steering_fit.fitted_car(of_car, name), {law_of(of_car.friction).name: of_car.friction})
+    steering_fit.write(out, found, name, of_car, trace, beside)
     print(out / "index.html")
 
 

@@ -23,6 +23,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     options.add_noticed(parser)
     add_sweep(parser)
     options.add_page(parser, "of the report, replaced as a whole", "report", full=True)
+    options.add_live(parser, "the car with these laws")
 
 
 def run(args: argparse.Namespace) -> None:
@@ -38,6 +39,9 @@ def run(args: argparse.Namespace) -> None:
         if labels.count(label) > 1:
             raise ValueError(f"--friction names {label!r} twice")
 
+    live = options.live(args)
+    if live and args.chassis:
+        raise ValueError("--live shows the chassis of this project, not an external one: leave --chassis out")
     sweep = runner(args)
     look = {"full": args.full, "noticed": options.noticed(args)}
     car = car_options.load(args)
@@ -54,5 +58,6 @@ def run(args: argparse.Namespace) -> None:
         scope = (
             Scope(car=car) if args.chassis is None else Scope(car=car, chassis=args.chassis, vehicle=False, widths=())
         )
-        report.build(args.out, parameters, scope, notify, report.Look(**look), trace, sweep)
+        beside = live(car, parameters) if live else None
+        report.build(args.out, parameters, scope, notify, report.Look(**look), trace, sweep, beside)
     print(args.out / "index.html")

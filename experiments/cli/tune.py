@@ -22,7 +22,7 @@ from steer_env.experiments.pages import car_options
 
 GROUP = "car"
 SAMPLERS = ("surface", "tpe", "nsga2", "nsga3", "random")
-FILES = ("index.html", "tune.json", "best.toml", "start.toml", "before", "after")
+FILES = ("index.html", "tune.json", "best.toml", "start.toml", "before", "after", "live")
 MOST_WORKERS = 64  # at the address of a cluster, which has a number of its own
 POLL = 1.0  # between looks at how far the search is [s]
 
@@ -53,11 +53,13 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--report", action="store_true", help=text)
     add_sweep(parser, "that share the search")
     options.add_page(parser, "of journal, page and car file", "tune")
+    options.add_live(parser, "the tuned car")
 
 
 def run(args: argparse.Namespace) -> None:
     """Search, and write what was found."""
     require("tune", "tune")
+    live = options.live(args)
 
     from steer_env import targets
     from steer_env.experiments import sweep
@@ -86,7 +88,7 @@ def run(args: argparse.Namespace) -> None:
             posed, args.out, args.budget, run, workers, began=began, pace=pace,
             address=args.storage, sampler=args.sampler, seed=args.seed, resume=args.resume, confirm=args.confirm,
         )  # fmt: skip
-        _write(args, posed, outcome)
+        _write(args, posed, outcome, live)
     if args.report and outcome.best is not None:
         for name, file in (("before", "start.toml"), ("after", "best.toml")):
             _report(args, file, name)
@@ -119,7 +121,7 @@ def _watched(
         thread.join()
 
 
-def _write(args: argparse.Namespace, posed: Any, outcome: Any) -> None:
+def _write(args: argparse.Namespace, posed: Any, outcome: Any, live: Any) -> None:
     """Write the page, its numbers and the car files, and print what was found."""
     from steer_env.experiments.calibration import problem, tuning_page
     from steer_env.experiments.cli.common.sweeping import unswept
@@ -129,8 +131,11 @@ def _write(args: argparse.Namespace, posed: Any, outcome: Any) -> None:
     from steer_env.vehicle import cars
 
     cars.write(posed.car, args.out / "start.toml")
+    beside = None
     if outcome.best is not None:
-        cars.write(problem.tuned_car(posed, outcome.best.params), args.out / "best.toml")
+        tuned = problem.tuned_car(posed, outcome.best.params)
+        cars.write(tuned, args.out / "best.toml")
+        beside = live(tuned, {law_of(posed.law).name: posed.law}) if live else None
     else:
         (args.out / "best.toml").unlink(missing_ok=True)
     found, data = tuning_page.build(outcome)
@@ -141,7 +146,7 @@ def _write(args: argparse.Namespace, posed: Any, outcome: Any) -> None:
         friction={law_of(posed.law).name: posed.law},
         seed=args.seed,
     )
-    page.place(args.out, found, page.numbers(found, data), trace)
+    page.place(args.out, found, page.numbers(found, data), trace, beside)
     print(found.verdict[0])
     print(args.out / "index.html")
     if outcome.best is not None and not args.report:

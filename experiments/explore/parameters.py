@@ -198,6 +198,11 @@ def _profile(car: Car, key: str) -> np.ndarray:
     return np.broadcast_to(np.asarray(given, float), car.assist.speeds.shape)
 
 
+def profiles(car: Car) -> dict[str, list[float]]:
+    """Values of the car at each speed of the boost table, by the names of the parameters that give the largest."""
+    return {f"assist.{key}": _profile(car, key).tolist() for key in _BY_SPEED}
+
+
 def _by_speed(car: Car, key: str, most: float) -> np.ndarray:
     """Values (V,) of a key of the assist whose largest is ``most``, in the proportions of the car; checked."""
     most = checked("assist", key, most)

@@ -21,7 +21,7 @@ import numpy as np
 from scipy import signal
 
 from steer_env import metrics
-from steer_env.experiments.explore import drive_page, module, packing, parameters, policies
+from steer_env.experiments.explore import carrying, drive_page, module, packing, parameters, policies
 from steer_env.experiments.pages import files, words
 from steer_env.friction.law import LAWS
 from steer_env.friction.numerics.check import one_of
@@ -226,7 +226,8 @@ def declared(car: Car, wanted: Sequence[Combination]) -> dict[str, Any]:
     assert isinstance(read, partial)  # of the loops, with how many cycles they need
     return {
         "version": metadata.version("steer-env"),
-        "car": {"name": car.name, "description": car.description},
+        "car": {"name": car.name, "description": car.description, **carrying.car_file(car)},
+        "files": carrying.files(),
         "laws": [{"name": law, "about": _about(law)} for law in dict.fromkeys(each.law for each in wanted)],
         "chassis": list(dict.fromkeys(each.chassis for each in wanted)),
         "modules": {f"{each.law} {each.chassis}": each.file for each in wanted},
@@ -247,6 +248,7 @@ def declared(car: Car, wanted: Sequence[Combination]) -> dict[str, Any]:
         },
         "loops": loop_constants(),
         "drive": drive_page.declared(car),
+        "recording": carrying.recording_settings(),
         "metrics": [_metric(name) for name in metrics.available("weave")],
         "noticed": {
             "share": just_noticeable.SHARE,

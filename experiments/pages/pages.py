@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 from urllib.parse import quote
 
 import jinja2
@@ -25,6 +25,7 @@ from steer_env.experiments.pages.style import smaller
 
 _FINDING = re.compile(r'(<!-- measured -->)?<div class="finding">(.*?)</div>', re.DOTALL)
 _HEADING = re.compile(r'<h2 id="[^"]*">(.*?)</h2>')
+LIVE = "live"  # folder of the page to explore, beside another page
 _KEPT = " !$'()*+,-./:;<=>?@[]^_`{|}~"  # may stand in a quoted attribute of HTML and in an address of data as they are
 
 
@@ -94,13 +95,13 @@ class Page(NamedTuple):
     name: str
     values: Mapping[str, Any]
 
-    def html(self, trace: Mapping[str, Any] | None = None) -> str:
-        """The page with the trace of its results, by default none."""
+    def html(self, trace: Mapping[str, Any] | None = None, live: Sequence[tuple[str, str]] = ()) -> str:
+        """The page with the trace of its results, by default none, and with links (label, address) to be tried."""
         found = {"sources": "", **(trace or {})}
         element = json.dumps(trace or {}, ensure_ascii=False).replace("</", "<\\/")
         command = shlex.join(["steer-env", *found["command"]]) if found.get("command") else ""
         template = environment().get_template(f"{self.name}.html.j2")
-        made = {"name": self.name, "trace": found, "command": command, "trace_element": Markup(element)}
+        made = {"name": self.name, "live": live, "trace": found, "command": command, "trace_element": Markup(element)}
         return template.render({**made, **self.values})
 
     def _findings(self, measured: bool) -> list[str]:
@@ -123,9 +124,25 @@ class Page(NamedTuple):
         return Markup(body).striptags()
 
 
-def place(folder: Path, page: Page, files: Mapping[str, Mapping[str, Any]], trace: Mapping[str, Any]) -> None:
-    """Write ``index.html`` and JSON files by name into a folder that is there, each as a whole and with the trace."""
-    write_text(folder / "index.html", page.html(trace))
+class Beside(Protocol):
+    """What writes another page beside a page; :class:`steer_env.experiments.explore.beside.Beside`."""
+
+    def write(self, folder: Path) -> Sequence[tuple[str, str]]:
+        """Write it into the folder, and give a label and an address of each link; an empty one where there is none."""
+
+
+def place(
+    folder: Path,
+    page: Page,
+    files: Mapping[str, Mapping[str, Any]],
+    trace: Mapping[str, Any],
+    beside: Beside | None = None,
+) -> None:
+    """Write ``index.html`` and JSON files by name into a folder that is there, each as a whole and with the trace.
+
+    Where there is something to write beside it, the page links into that.
+    """
+    write_text(folder / "index.html", page.html(trace, beside.write(folder) if beside else ()))
     for name, data in files.items():
         write_json(folder / name, {**data, "trace": dict(trace)})
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from steer_env.experiments.pages import car_pictures, pictures, provenance
 from steer_env.experiments.pages.files import replaced_directory
-from steer_env.experiments.pages.pages import Page, image, place
+from steer_env.experiments.pages.pages import LIVE, Beside, Page, image, place
 from steer_env.experiments.reports import car_quantities, car_suspension
 from steer_env.experiments.reports.car_quantities import CHASSIS, Quantity, ranges
 from steer_env.experiments.reports.car_simulated import LAW, SPEED, SPEEDS, Simulated, simulate
@@ -24,7 +24,7 @@ from steer_env.vehicle.analysis import understeer
 from steer_env.vehicle.analysis.free_control import SMALL
 from steer_env.vehicle.cars import Car
 
-CONTENTS = frozenset({"index.html", "car.json"})
+CONTENTS = frozenset({"index.html", "car.json", LIVE})
 KPH = 3.6  # [km/h] of 1 m/s
 
 
@@ -164,7 +164,7 @@ def page_of(car: Car, found: list[Quantity], simulated: Simulated) -> Page:
     return Page("car", values)
 
 
-def build(out: Path, car: Car, trace: dict[str, Any] | None = None) -> list[Quantity]:
+def build(out: Path, car: Car, trace: dict[str, Any] | None = None, beside: Beside | None = None) -> list[Quantity]:
     """Derive the quantities of a car and write its page into a directory, which appears or is replaced as a whole.
 
     Parameters
@@ -174,6 +174,8 @@ def build(out: Path, car: Car, trace: dict[str, Any] | None = None) -> list[Quan
     car : Car
     trace : dict, optional
         Of :func:`steer_env.experiments.pages.provenance.trace`; both files hold it.
+    beside : Beside, optional
+        The page to explore, which is written beside it and linked to.
 
     Raises
     ------
@@ -184,5 +186,5 @@ def build(out: Path, car: Car, trace: dict[str, Any] | None = None) -> list[Quan
     with replaced_directory(out, CONTENTS) as part:
         simulated = simulate(car)
         found = car_quantities.collect(car, simulated)
-        place(part, page_of(car, found, simulated), {"car.json": as_json(car, found)}, trace)
+        place(part, page_of(car, found, simulated), {"car.json": as_json(car, found)}, trace, beside)
     return found

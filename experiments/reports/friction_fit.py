@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from steer_env import friction
+from steer_env.experiments.pages.pages import LIVE
 from steer_env.friction import Compared, Record
 from steer_env.friction.identification import periods
 from steer_env.friction.identification.compare import HELD_OUT, remainder
@@ -64,7 +65,7 @@ class Found(NamedTuple):
 
 def contents() -> frozenset[str]:
     """Names of the files of an output."""
-    return frozenset({"index.html", "fit.json", *(f"{law}.json" for law in LAWS.available())})
+    return frozenset({"index.html", "fit.json", LIVE, *(f"{law}.json" for law in LAWS.available())})
 
 
 def collect(

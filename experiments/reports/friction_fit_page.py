@@ -16,7 +16,7 @@ from markupsafe import Markup
 from steer_env import friction
 from steer_env.experiments.pages import friction_pictures
 from steer_env.experiments.pages.files import replaced_directory
-from steer_env.experiments.pages.pages import Page, environment, image, place
+from steer_env.experiments.pages.pages import Beside, Page, environment, image, place
 from steer_env.experiments.pages.style import colours, kept
 from steer_env.experiments.pages.words import capital
 from steer_env.experiments.pages.words import number as shown_number
@@ -301,13 +301,14 @@ def _narrow(given: friction_pictures.Shown, curves: Mapping[str, Any], titles: M
         return friction_pictures.fitted_loops(given, curves, titles, columns=2)
 
 
-def write(out: Path, found: Found, trace: Mapping[str, Any]) -> None:
+def write(out: Path, found: Found, trace: Mapping[str, Any], beside: Beside | None = None) -> None:
     """Write page and files into a directory, which appears or is replaced as a whole.
 
     ``trace`` is of :func:`steer_env.experiments.pages.provenance.trace`; every file holds it.
+    ``beside`` is the page to explore, which is written beside it and linked to.
     """
     fitted = [(each, each.fit) for each in found.laws if each.fit is not None]
     laws = {f"{each.law}.json": law_file(found, each, fit) for each, fit in fitted}
     page = page_of(found, out.name)
     with replaced_directory(out, contents()) as part:
-        place(part, page, {"fit.json": as_json(found), **laws}, trace)
+        place(part, page, {"fit.json": as_json(found), **laws}, trace, beside)

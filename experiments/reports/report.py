@@ -14,7 +14,7 @@ from steer_env import metrics, targets
 from steer_env.experiments.pages import pictures, plots, provenance
 from steer_env.experiments.pages.files import replaced_directory
 from steer_env.experiments.pages.metrics_json import entries
-from steer_env.experiments.pages.pages import Page, image, place
+from steer_env.experiments.pages.pages import LIVE, Beside, Page, image, place
 from steer_env.experiments.pages.style import kept
 from steer_env.experiments.reports import report_findings
 from steer_env.experiments.reports.report_results import Drives, Notify, Results, Scope, collect
@@ -26,7 +26,7 @@ from steer_env.metrics.common.filtered_channels import ANGLE, TORQUE
 from steer_env.vehicle import plant
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
-CONTENTS = frozenset({"index.html", "metrics.json"})
+CONTENTS = frozenset({"index.html", "metrics.json", LIVE})
 EVERYTHING = Scope()
 LONGEST = 10  # rows of the first table
 WANTED = "compact"  # target bands that the summary rates the laws by
@@ -236,6 +236,7 @@ def build(
     look: Look = DEFAULT,
     trace: Mapping[str, Any] | None = None,
     sweep: Runner = run,
+    beside: Beside | None = None,
 ) -> Results:
     """Write the report to a directory, which appears or is replaced as a whole.
 
@@ -255,6 +256,8 @@ def build(
         What both files hold as their trace, by default car and laws without a command.
     sweep : Runner
         What runs the parts of the report; by default this process, one after the other.
+    beside : Beside, optional
+        The page to explore, which is written beside the report and linked to.
 
     Raises
     ------
@@ -267,6 +270,6 @@ def build(
         notify(0.96, "drawing")
         source = provenance_of(results)
         numbers = {"metrics.json": metrics_json(results, source, look)}
-        place(part, page_of(results, source, look), numbers, kept)
+        place(part, page_of(results, source, look), numbers, kept, beside)
     notify(1.0, "done")
     return results

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from steer_env import friction
 from steer_env.experiments.calibration.column_fit import LONGEST, RUN_IN, TERMS, ColumnFit
 from steer_env.experiments.pages.files import replaced_directory
-from steer_env.experiments.pages.pages import Page, image, place
+from steer_env.experiments.pages.pages import LIVE, Beside, Page, image, place
 from steer_env.experiments.pages.plots import thinned
 from steer_env.experiments.pages.style import PALETTE, new_figure, styled
 from steer_env.experiments.reports.friction_fit_page import LAW_TITLES
@@ -56,7 +56,7 @@ MEANINGS = {
 
 def contents() -> frozenset[str]:
     """Names of the files of an output."""
-    return frozenset({"index.html", "fit.json", "car.toml", "friction.json"})
+    return frozenset({"index.html", "fit.json", "car.toml", "friction.json", LIVE})
 
 
 def title(name: str) -> str:
@@ -215,16 +215,24 @@ def page_of(found: Identified, name: str, folder: str, of_car: ColumnFit | str =
     return Page("steering_fit", values)
 
 
-def write(out: Path, found: Identified, name: str, of_car: ColumnFit | str, trace: Mapping[str, Any]) -> None:
+def write(
+    out: Path,
+    found: Identified,
+    name: str,
+    of_car: ColumnFit | str,
+    trace: Mapping[str, Any],
+    beside: Beside | None = None,
+) -> None:
     """Write page, JSON and the fitted car with its friction into a directory, which is replaced as a whole.
 
     ``of_car`` is of :func:`steer_env.experiments.calibration.column_fit.fit_column`, or says why there is none;
     ``trace`` is of :func:`steer_env.experiments.pages.provenance.trace`. Page and JSON files hold both.
+    ``beside`` is the page to explore, which is written beside it and linked to.
     """
     files = {"fit.json": as_json(found, of_car)}
     if not isinstance(of_car, str):
         files["friction.json"] = law_file(of_car, title(found.best.name) if found.dry else "no dry")
     with replaced_directory(out, contents()) as part:
-        place(part, page_of(found, name, out.name, of_car), files, trace)
+        place(part, page_of(found, name, out.name, of_car), files, trace, beside)
         if not isinstance(of_car, str):
             cars.write(fitted_car(of_car, name), part / "car.toml")

@@ -106,18 +106,20 @@ def write(car: "Car", path: str | os.PathLike[str], comments: bool = False) -> N
         raise ValueError(f"the name of a car file must end in .toml or .json, got {os.fspath(path)!r}")
     if comments and place.suffix == ".json":
         raise ValueError(f"a JSON file holds no comments: give a name that ends in .toml, got {os.fspath(path)!r}")
-    contents = data(car)
-    text = (
-        _toml(contents, explained() if comments else {})
-        if place.suffix == ".toml"
-        else json.dumps(contents, indent=2, ensure_ascii=False) + "\n"
+    found = (
+        text(car, comments) if place.suffix == ".toml" else json.dumps(data(car), indent=2, ensure_ascii=False) + "\n"
     )
     part = place.with_name(f".{place.name}.{os.getpid()}.part")
     try:
-        part.write_text(text, encoding="utf-8")
+        part.write_text(found, encoding="utf-8")
         os.replace(part, place)
     finally:
         part.unlink(missing_ok=True)
+
+
+def text(car: "Car", comments: bool = False) -> str:
+    """The text of the ``.toml`` file that :func:`write` writes, with its errors."""
+    return _toml(data(car), explained() if comments else {})
 
 
 def _toml(contents: Mapping[str, Any], comments: Mapping[str, str], section: str = "") -> str:

@@ -5,12 +5,15 @@ import math
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from steer_env.experiments.cli.common import names
+from steer_env.experiments.cli.common import extras, names
 from steer_env.experiments.learning.constants import HELD_OUT, SHIPPED, VALIDATION
 from steer_env.experiments.pages import car_options
 from steer_env.experiments.pages.options import FRICTION, Friction
+
+if TYPE_CHECKING:
+    from steer_env.experiments.explore.beside import Beside
 
 KPH = 1.0 / 3.6  # [m/s]
 MOST_EPISODES = VALIDATION - HELD_OUT  # with more, the evaluation would use the seeds of the validation
@@ -217,6 +220,23 @@ def add_page(
     if full:
         text = "interactive plots in place of pictures; the page has some 5 MB or more"
         parser.add_argument("--full", action="store_true", help=text)
+
+
+def add_live(parser: argparse._ActionsContainer, of: str) -> None:
+    """Add ``--live``; the text says what the page to explore is of."""
+    text = f"also write the page to explore ({of}) into the folder live of --out, and link to it"
+    parser.add_argument("--live", action="store_true", help=text)
+
+
+def live(args: argparse.Namespace) -> "type[Beside] | None":
+    """What is written beside a page, None without ``--live``; ValueError where its extra is missing."""
+    if not args.live:
+        return None
+    extras.require("explore", "--live")
+
+    from steer_env.experiments.explore.beside import Beside
+
+    return Beside
 
 
 def add_figures(parser: argparse._ActionsContainer) -> None:

@@ -2,7 +2,8 @@
 
 "use strict";
 
-/** @typedef {{law: string, chassis: string, values: Record<string, number>}} Shown what is driven; values as changed */
+/** @typedef {{law: string, chassis: string, values: Record<string, string | number>}} Shown what is driven; values as changed,
+ *  which are texts where an address gives them, since a refusal repeats what was given */
 
 function steerAddress() {
   const PINS = ["A", "B", "C"];
@@ -19,7 +20,7 @@ function steerAddress() {
       @returns {{shown: Shown, pins: Record<string, string>, remarks: string[]}} */
   function read(text, usual, known) {
     const given = new URLSearchParams(text), remarks = [];
-    const shown = { law: usual.law, chassis: usual.chassis, values: /** @type {Record<string, number>} */ ({}) };
+    const shown = { law: usual.law, chassis: usual.chassis, values: /** @type {Record<string, string | number>} */ ({}) };
     /** @type {Record<string, string>} */
     const pins = {};
     for (const [name, value] of given) {
@@ -28,7 +29,7 @@ function steerAddress() {
         if (allowed.includes(value)) shown[name] = value;
         else remarks.push(`This page has no ${name} ${value}; it has ${allowed.join(", ")}.`);
       } else if (PINS.includes(name)) pins[name] = value;
-      else shown.values[name] = value.trim() ? Number(value) : NaN;
+      else shown.values[name] = value;
     }
     return { shown, pins, remarks };
   }

@@ -10,13 +10,6 @@ function steerFields(host, onChange) {
   const STEPS = 200;
   const OPEN = ["Friction law", "Drive", "Assist", "Steering"];
 
-  /** A number as typed, with a point or a comma. @param {string} text */
-  function parsed(text) {
-    const plain = text.trim().replace("\u2212", "-");
-    const one = /^[^.,]*,[^.,]*$/.test(plain) ? plain.replace(",", ".") : plain;
-    return one === "" ? NaN : Number(one);
-  }
-
   /** Why a value is refused; empty where it is not. Python's words, where Python refuses it too.
       @param {Field} field @param {number} value @param {string} text as it was given */
   function refusal(field, value, text) {
@@ -73,7 +66,7 @@ function steerFields(host, onChange) {
       onChange(field.name, inside);
     });
     number.addEventListener("input", () => {
-      const typed = parsed(number.value), why = refusal(field, typed, number.value);
+      const typed = steerNumbers.typed(number.value), why = refusal(field, typed, number.value);
       tell(why);
       if (why) return;
       place(typed);
@@ -100,5 +93,5 @@ function steerFields(host, onChange) {
     }
   }
 
-  return { show, refusal, parsed };
+  return { show, refusal };
 }

@@ -168,7 +168,13 @@ function steerMetrics(constants) {
     }
 
     /** @param {string} name */
-    smooth(name) { return this.once(`smooth ${name}`, () => lowPassed(this.channels[name], constants.smooth)); }
+    channel(name) {
+      if (!(name in this.channels)) throw new Refused(`there is no channel ${name}`);
+      return this.channels[name];
+    }
+
+    /** @param {string} name */
+    smooth(name) { return this.once(`smooth ${name}`, () => lowPassed(this.channel(name), constants.smooth)); }
 
     /** A low-passed channel at the instants of the cycles, by a cubic spline. @param {Float64Array} filtered */
     sampled(filtered) {
@@ -301,7 +307,7 @@ function steerMetrics(constants) {
         for (let i = 1; i < HALF; i++) {
           if (Math.abs(mean[i] - mean[i + HALF]) > Math.abs(mean[k] - mean[k + HALF])) k = i;
         }
-        const sharp = this.withoutDrift(this.sampled(lowPassed(this.channels[name], constants.sharp)));
+        const sharp = this.withoutDrift(this.sampled(lowPassed(this.channel(name), constants.sharp)));
         const cycles = this.settled(sharp, 0);
         return Array.from({ length: this.count }, (_, n) =>
           Math.abs(cycles[n * SAMPLES + k] - cycles[n * SAMPLES + k + HALF]) / 2);

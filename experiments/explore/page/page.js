@@ -11,7 +11,7 @@ const FIRST = 0.2, MOST = 6;  // amplitude of the first weave, and the largest [
 const DEGREES = 180 / Math.PI;
 
 /** What is shown, for tests and for the console. @type {any} */
-const steerShown = { structures: new Map(), answer: null, pins: {} };
+const steerShown = { structures: new Map(), answer: null, pins: {}, recording: null };
 
 /** @param {any} declared */
 async function steerDeclared(declared) {
@@ -76,12 +76,13 @@ async function steerDeclared(declared) {
     return Object.fromEntries(parameters.map((/** @type {Field} */ q) => [q.name, of.values[q.name] ?? q.value]));
   }
 
-  /** @param {any} of @param {boolean} exact @param {boolean} kept whether nothing stops it @returns {Promise<any>} */
-  function driven(of, exact, kept) {
+  /** @param {any} of @param {boolean} exact @param {boolean} kept whether nothing stops it
+      @param {boolean} whole whether the answer has every sample @returns {Promise<any>} */
+  function driven(of, exact, kept, whole = false) {
     return new Promise((resolve, reject) => {
       answered.push({ resolve, reject });
       const key = `${of.law} ${of.chassis}`;
-      worker.postMessage({ run: { id: ++runs, key, values: values(of), amplitude, exact, kept } });
+      worker.postMessage({ run: { id: ++runs, key, values: values(of), amplitude, exact, kept, whole } });
     });
   }
 
@@ -158,8 +159,15 @@ async function steerDeclared(declared) {
     { draw: pictures.picture(find("rack-time"), "time [s]", "rack force [kN]", 0.5), y: "rack_force", scale: 1e-3 },
   ];
 
+  const { evaluate } = steerMetrics(declared.loops), { weave } = declared;
+  const recording = steerRecording(find("recording"), { ...declared.recording, rate: weave.rate },
+    (channels) => evaluate(channels, weave.frequency, weave.fewest, declared.metrics), draw);
+  steerShown.recording = recording;
+
   function draw() {
     if (!latest) return;
+    const laid = recording.laid((latest.shown.handwheel_torque.length * latest.thin) / weave.rate);
+    const over = (/** @type {any} */ of) => (of ? [{ of, colour: pictures.style("--recording"), wide: false }] : []);
     const colours = ["--pin-a", "--pin-b", "--pin-c"].map(pictures.style);
     const all = [
       ...Object.entries(pins).map(([name, pin]) =>
@@ -168,20 +176,32 @@ async function steerDeclared(declared) {
     ];
     const scaled = (/** @type {number[]} */ list, /** @type {number} */ by) => list.map((v) => v * by);
     for (const loop of loops) {
-      loop.draw(all.map(({ of, colour, wide }) => ({
+      loop.draw([...over(laid?.over), ...all].map(({ of, colour, wide }) => ({
         x: scaled(of.shown[loop.x], loop.scale[0]), y: scaled(of.shown[loop.y], loop.scale[1]), colour, wide,
       })));
     }
     for (const history of histories) {
-      history.draw(all.map(({ of, colour, wide }) => ({
+      history.draw([...over(laid?.early), ...all].map(({ of, colour, wide }) => ({
         x: of.shown[history.y].map((/** @type {number} */ _, /** @type {number} */ i) => (i * of.thin) / declared.weave.rate),
         y: scaled(of.shown[history.y], history.scale), colour, wide,
       })));
     }
-    table.show(latest, Object.fromEntries(Object.entries(pins).map(([name, pin]) => [name, pin.answer])));
+    table.show(latest, {
+      ...Object.fromEntries(Object.entries(pins).map(([name, pin]) => [name, pin.answer])),
+      ...(laid?.over.measured ? { R: laid.over } : {}),
+    });
     legend();
     main.dataset.run = String(latest.id);
   }
+
+  /** The whole drive of what is shown, with every sample. */
+  async function drive() {
+    const answer = await driven(shown, true, true, true);
+    if (answer.failed) throw new Error(`There is no drive to save. ${why(answer)}`);
+    return { manoeuvre: "weave", ...answer };
+  }
+  steerDownloads(find("downloads"), declared, () => /** @type {any} */ (shown),
+    () => values(shown)[declared.weave.speed], drive, pictures.visible, told);
 
   /** What is pinned, by what differs from the car. */
   function legend() {
@@ -225,9 +245,9 @@ async function steerDeclared(declared) {
     const kept = {};
     for (const [name, value] of Object.entries(to.values)) {
       const field = parameters.find((/** @type {Field} */ q) => q.name === name);
-      const why = field ? fields.refusal(field, Number(value), String(value)) : `this page has no ${name} here`;
+      const why = field ? fields.refusal(field, steerNumbers.read(String(value)), String(value)) : `this page has no ${name} here`;
       if (why) remarks.push(`${why}; left as the car has it.`);
-      else kept[name] = Number(value);
+      else kept[name] = steerNumbers.read(String(value));
     }
     return { of: { law: to.law, chassis: to.chassis, values: kept }, remarks };
   }

@@ -3,10 +3,17 @@
 "use strict";
 
 /** @typedef {{x: number[], y: number[], colour: string, wide: boolean}} Curve */
+/** @typedef {{caption: string, xLabel: string, yLabel: string, curves: Curve[], range: (scale: "x" | "y") => [number, number]}} Picture */
 
 function steerPictures() {
   /** @param {string} name */
   const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+
+  /** @type {(() => Picture | null)[]} */
+  const made = [];
+
+  /** The pictures that are shown now. */
+  const visible = () => made.flatMap((one) => one() ?? []);
 
   /** A picture of curves y(x) that may turn back. @param {HTMLElement} host @param {string} xLabel @param {string} yLabel
       @param {number} aspect height over width */
@@ -48,7 +55,7 @@ function steerPictures() {
       grid: { stroke: style("--line"), width: 1 }, ticks: { show: false }, space: label === xLabel ? 56 : 24,
     });
 
-    /** @param {string} scale */
+    /** @param {string} scale @returns {() => [number, number]} */
     const range = (scale) => () => {
       const all = shown.flatMap((curve) => curve[/** @type {"x" | "y"} */ (scale)]);
       const low = Math.min(...all), high = Math.max(...all), room = 0.04 * (high - low) || 1;
@@ -67,6 +74,10 @@ function steerPictures() {
 
     const data = () => [null, ...shown.map(({ x, y }) => [x, y])];
 
+    made.push(() => (host.offsetParent === null || !plot ? null : {
+      caption: document.getElementById(host.getAttribute("aria-labelledby") ?? "")?.textContent ?? "",
+      xLabel, yLabel, curves: shown, range: (scale) => range(scale)(),
+    }));
     new ResizeObserver(() => {
       if (plot && Math.abs(plot.width - host.clientWidth) > 1) plot.setSize(size());
     }).observe(host);
@@ -81,5 +92,5 @@ function steerPictures() {
     };
   }
 
-  return { picture, style };
+  return { picture, visible, style };
 }

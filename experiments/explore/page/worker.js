@@ -9,7 +9,7 @@
 /** @typedef {Uint8Array<ArrayBuffer>} Wasm */
 /** @typedef {{structure: any, wasm: Wasm, beginning: Wasm, tables: Float64Array}} ModuleMessage */
 /** @typedef {{id: number, key: string, values: Record<string, number>, amplitude: number, exact: boolean,
- *             kept: boolean}} RunMessage */
+ *             kept: boolean, whole: boolean}} RunMessage `whole`: with every sample in the answer */
 
 /** @param {any} scope @param {any} settings @param {any} simulation @param {any} metrics @param {any} stability */
 function steerWorker(scope, settings, simulation, metrics, stability) {
@@ -54,7 +54,7 @@ function steerWorker(scope, settings, simulation, metrics, stability) {
     const reached = simulation.halfSpan(channels.lateral_acceleration);
     return {
       id: run.id, exact: run.exact, amplitude, next: (amplitude * weave.target) / reached, shown, thin,
-      values: found.values, reasons: found.reasons, unstable,
+      values: found.values, reasons: found.reasons, unstable, ...(run.whole ? { channels } : {}),
     };
   }
 

@@ -8,6 +8,8 @@ from steer_env import friction, manoeuvres, metrics
 from steer_env.experiments.explore import parameters
 from steer_env.manoeuvres.common import driving
 from steer_env.vehicle import cars, chassis
+from tests.experiments.explore.chromium import Chromium, chromium_needed
+from tests.experiments.explore.firefox import Firefox, firefox_needed
 
 # Laws and chassis: pairs in every run, the product in the whole suite.
 QUICK = [("lugre", "single_track"), ("masing", "two_track")]
@@ -23,6 +25,17 @@ CHANGED = {
     "load": 250.0,
     "speed_kph": 120.0,
 }
+BROWSERS = [pytest.param(Chromium, marks=chromium_needed), pytest.param(Firefox, marks=firefox_needed)]
+in_both = pytest.mark.parametrize(
+    "browser", BROWSERS, indirect=True
+)  # other tests run in Chromium, which starts sooner
+READY = "typeof steerShown === 'object' && steerShown.answer?.exact && steerShown.answer.id"
+
+
+def address(page, law="lugre", body="single_track", **values):
+    """The address of a page from disk with a car."""
+    pairs = {"law": law, "chassis": body, **values}
+    return f"{page.as_uri()}#{'&'.join(f'{key}={value}' for key, value in pairs.items())}"
 
 
 def evaluated(law, body, values):

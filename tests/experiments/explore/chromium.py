@@ -5,19 +5,19 @@ import json
 import os
 import shutil
 import subprocess
-import time
 
 import pytest
 
+from tests.experiments.explore.browser import Browser
+
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-needed = pytest.mark.skipif(
+chromium_needed = pytest.mark.skipif(
     BROWSER is None, reason="no Chromium on this machine: install it, as by 'apt install chromium'"
 )
-PATIENCE = 60.0  # [s]
 KEYS = {"ArrowRight": 39, "ArrowLeft": 37, "ArrowDown": 40, "Tab": 9, "Enter": 13, " ": 32}
 
 
-class Chromium:
+class Chromium(Browser):
     """A page in a browser of its own; what it asks the network for is kept in ``requested``."""
 
     def __init__(self, folder, width=1280, height=900, dark=False):
@@ -47,9 +47,6 @@ class Chromium:
         self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
         scheme = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
         self.call("Emulation.setEmulatedMedia", features=scheme)
-
-    def __enter__(self):
-        return self
 
     def __exit__(self, *_):
         self._to.close()
@@ -96,16 +93,6 @@ class Chromium:
         assert "exceptionDetails" not in got, got["exceptionDetails"]
         return got["result"].get("value")
 
-    def until(self, expression, patience=PATIENCE):
-        """Wait until an expression is true; its value."""
-        end = time.monotonic() + patience
-        while time.monotonic() < end:
-            found = self.value(expression)
-            if found:
-                return found
-            time.sleep(0.01)
-        raise AssertionError(f"{expression} did not become true in {patience:g} s; {self.errors}")
-
     def key(self, name):
         """Press and release a key."""
         about = {"key": name, "windowsVirtualKeyCode": KEYS.get(name, ord(name[0].upper()))}
@@ -116,6 +103,12 @@ class Chromium:
     def type(self, text):
         """Type a text, in place of what is selected."""
         self.call("Input.insertText", text=text)
+
+    def choose_file(self, selector, path):
+        """Choose a file in a file field."""
+        root = self.call("DOM.getDocument")["root"]["nodeId"]
+        field = self.call("DOM.querySelector", nodeId=root, selector=selector)["nodeId"]
+        self.call("DOM.setFileInputFiles", nodeId=field, files=[str(path)])
 
     def picture(self, path):
         """Save a picture of the whole page."""

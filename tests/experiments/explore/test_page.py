@@ -12,17 +12,10 @@ import pytest
 from steer_env import friction
 from steer_env.experiments import explore
 from steer_env.vehicle.keys import checked
-from tests.experiments.explore.cases import CHANGED, evaluated
-from tests.experiments.explore.chromium import Chromium, needed
+from tests.experiments.explore.cases import CHANGED, READY, address, evaluated, in_both
+from tests.experiments.explore.chromium import Chromium, chromium_needed
 
-pytestmark = needed
 UNSTABLE = {"column.K_tb": 290.0, "column.I2": 0.02}
-READY = "typeof steerShown === 'object' && steerShown.answer?.exact && steerShown.answer.id"
-
-
-@pytest.fixture(scope="module")
-def page(tmp_path_factory):
-    return explore.explore(tmp_path_factory.mktemp("page") / "page", friction=["lugre"], chassis=["single_track"])
 
 
 @pytest.fixture(scope="module")
@@ -31,18 +24,7 @@ def pages(tmp_path_factory):
     return explore.explore(tmp_path_factory.mktemp("pages") / "page", friction=["lugre", "masing"])
 
 
-@pytest.fixture
-def browser(tmp_path):
-    with Chromium(tmp_path / "profile") as found:
-        yield found
-        assert found.errors == []
-
-
-def address(page, law="lugre", body="single_track", **values):
-    pairs = {"law": law, "chassis": body, **values}
-    return f"{page.as_uri()}#{'&'.join(f'{key}={value}' for key, value in pairs.items())}"
-
-
+@in_both
 def test_metrics_are_those_of_python(page, browser):
     """The whole chain in the browser, whose search for the amplitude begins elsewhere; every law: test_scripts.py."""
     browser.open(address(page, **CHANGED))
@@ -60,6 +42,7 @@ def test_a_weave_of_an_unstable_assist_loop_has_no_metrics(page, browser):
     assert not browser.value("Object.values(steerShown.answer?.values ?? {}).some(Number.isFinite)")
 
 
+@in_both
 def test_a_slider_by_the_keyboard_drives_the_car_anew_and_the_address_repeats_it(page, browser):
     browser.open(address(page))
     browser.until(READY)
@@ -102,6 +85,7 @@ def test_a_field_refuses_what_python_refuses_in_the_same_words(page, browser, na
     assert browser.value("steerShown.answer.id") == run
 
 
+@in_both
 def test_a_field_takes_a_comma_and_refuses_what_is_no_number(page, browser):
     browser.open(address(page))
     browser.until(READY)
@@ -180,6 +164,7 @@ def test_a_folder_that_lacks_a_file_is_told(page, browser, tmp_path):
     assert told == "modules/single_track_lugre.js could not be loaded: is the folder complete?"
 
 
+@chromium_needed
 @pytest.mark.parametrize(
     ("file", "keep", "words"),
     [
@@ -209,6 +194,7 @@ def test_a_law_that_cannot_be_loaded_leaves_the_law_before(pages, browser, tmp_p
     assert browser.value("document.getElementById('law').value") == "lugre"
 
 
+@in_both
 def test_law_and_chassis_that_are_chosen_at_once_are_both_taken(pages, browser):
     browser.open(address(pages))
     browser.until(READY)

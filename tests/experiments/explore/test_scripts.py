@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from py_mini_racer import MiniRacer
 
 from steer_env import manoeuvres
-from steer_env.experiments.explore import parameters
+from steer_env.experiments.explore import parameters, writing
 from steer_env.friction.numerics.packing import numbers
 from steer_env.manoeuvres.common import driving
 from steer_env.vehicle import cars, plant
@@ -82,3 +83,32 @@ def test_an_unstable_assist_loop_is_told_in_the_words_of_python():
         found = engine("lugre", "single_track").value(reason, packed=numbers(p).tolist(), speed=speed)
         assert found == told[-1]
     assert 4 <= sum(map(bool, told)) <= 36
+
+
+def test_a_text_is_the_number_that_it_is_for_python():
+    context = MiniRacer()
+    context.eval((writing.PAGE / "numbers.js").read_text(encoding="utf-8"))
+    texts = (
+        "1",
+        " 5 ",
+        "+.5",
+        "5.",
+        "-1e-3",
+        "1E5",
+        "1_000",
+        "1__0",
+        "_1",
+        "1e400",
+        "-inf",
+        "Infinity",
+        "NaN",
+        "",
+        " ",
+    )
+    for text in (*texts, "0x10", "0b1", "5,5", "1e", ".", "1 2", "--1", "much", "\u22121", "1n", "1\n"):
+        try:
+            expected = float(text)
+        except ValueError:
+            expected = np.nan
+        assert context.eval(f"steerNumbers.read({text!r})") == pytest.approx(expected, nan_ok=True, rel=0), text
+    assert [context.eval(f"steerNumbers.typed({text!r})") for text in ("1,5", "\u22122.5")] == [1.5, -2.5]

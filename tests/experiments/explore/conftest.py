@@ -1,0 +1,18 @@
+"""A page in a browser."""
+
+import pytest
+
+from steer_env.experiments import explore
+from tests.experiments.explore.cases import BROWSERS
+
+
+@pytest.fixture(scope="session")
+def page(tmp_path_factory):
+    return explore.explore(tmp_path_factory.mktemp("page") / "page", friction=["lugre"], chassis=["single_track"])
+
+
+@pytest.fixture(params=BROWSERS[:1])
+def browser(request, tmp_path):
+    with request.param(tmp_path / "profile") as found:
+        yield found
+        assert found.errors == []
