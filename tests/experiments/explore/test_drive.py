@@ -11,9 +11,9 @@ from steer_env.experiments.explore import parameters
 from steer_env.recording import read
 from steer_env.vehicle import cars, plant
 from steer_env.vehicle.chassis.common.interface import HAND, HAND_SPEED, INPUTS, TARGET_SPEED
-from tests.experiments.explore.chromium import Chromium, needed
+from tests.experiments.explore.chromium import Chromium, chromium_needed
 
-pytestmark = needed
+pytestmark = chromium_needed
 ADDRESS = "law=lugre&chassis=two_track&A=law%3Dlugre%26chassis%3Dsingle_track%26friction_scale%3D2"
 KEEP = """(() => {
   globalThis.kept = [];
