@@ -18,8 +18,8 @@ Source: two-degree-of-freedom column of the steering-simulator literature, with 
 
 from typing import NamedTuple
 
-from steer_env.friction.law import step as law_step
-from steer_env.friction.level import both, chosen
+from steer_env.friction import sites
+from steer_env.friction.level import both
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle.keys import checked
 
@@ -123,25 +123,20 @@ def step(c, friction, scales, q, memory, robot, hand, hand_speed, T_C, h):
     R = 2.0 * c.I2 / h * q[COLUMN_SPEED] + torsion_bar_torque + T_C
     if robot:
         w1 = (hand - q[HANDWHEEL_ANGLE]) / h
-        R += K * w1  # (C6)
-    else:
-        S -= K * K / a11  # (C5)
-        R += K / a11 * (r1 + hand)  # (C5)
-    torque_scale = chosen(friction, scales, memory, R, h)  # (F11)
-    # (C2) with all but the friction's torque in S and R: S w2 + T_F = R
-    w2, T_F = law_step(friction, torque_scale, memory, S, R, h, q[COLUMN_SPEED])
-    if robot:
+        w2, T_above, T_F = sites.led(friction, scales, memory, w1, S, R + K * w1, h, q[COLUMN_SPEED])  # (C6)
         # (C7)
-        T1 = c.I1 * (hand_speed - q[HANDWHEEL_SPEED]) / h + c.C1 * w1 + torsion_bar_torque + K * (w1 - w2)
+        T1 = c.I1 * (hand_speed - q[HANDWHEEL_SPEED]) / h + c.C1 * w1 + torsion_bar_torque + K * (w1 - w2) + T_above
         q[HANDWHEEL_ANGLE] = hand
         q[HANDWHEEL_SPEED] = hand_speed
     else:
-        w1 = (r1 + hand + K * w2) / a11  # (C7)
+        w1, w2, _, T_F = sites.joint(
+            friction, scales, memory, a11, r1 + hand, K, S, R, h, q[HANDWHEEL_SPEED], q[COLUMN_SPEED]
+        )
         change = 2.0 * (w1 - q[HANDWHEEL_SPEED])
         # (C3) over a step
         T1 = hand - c.I_arm * change / h - c.C_arm * w1 - c.K_arm * (q[HANDWHEEL_ANGLE] + 0.5 * h * w1)
         q[HANDWHEEL_ANGLE] += h * w1
-        q[HANDWHEEL_SPEED] = 2.0 * w1 - q[HANDWHEEL_SPEED]
+        q[HANDWHEEL_SPEED] = 2.0 * w1 - q[HANDWHEEL_SPEED] if w1 != 0.0 else 0.0
     # A sticking contact is at rest at the end of the step and dissipates the remaining momentum (C8).
     q[COLUMN_ANGLE] += h * w2
     q[COLUMN_SPEED] = 2.0 * w2 - q[COLUMN_SPEED] if w2 != 0.0 else 0.0

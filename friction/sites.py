@@ -1,0 +1,526 @@
+"""Friction at several sites of a column: above the torsion bar, and at four places that turn together below it.
+
+    a w1 + mean T_u(w1) - K w2 = R_1                                  (F19)
+    S w2 + sum of mean T_i(w2) - K w1 = R_2                           (F19)
+
+w1 and w2 are the mean speeds of the handwheel and of the column below the bar over a step, T_u is the torque of the
+site above it, and the sum goes over the sites below. Coulomb's law and its kind are inclusions here, as in (F7). Every
+torque is monotone but for a fall that ``step_limit`` bounds, and K^2 is small beside a S (2e-6 of it at 1 ms, 6e-3 at
+10 ms), so that there is one solution. It is found by solving (F19) for one speed and the other in turn, with the first
+equation made linear in w2 while the second is solved.
+
+Each site has a law, a level of its own (F11) and, as a gear has, a load term by the motor's torque T_m:
+
+    L_+ = (F11) + c |T_m|,   c = c_d where T_m drives the motion, c_b where it is driven back          (F20)
+
+The factor L_0 and the rise of temperature belong to the car and act at every site.
+"""
+
+import inspect
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from steer_env.friction import law as laws
+from steer_env.friction.law import (
+    LAWS,
+    Law,
+    advance,
+    law_of,
+    mean_torque,
+    newton,
+    rest_torque,
+    solve,
+    stored_energy,
+    torque,
+)
+from steer_env.friction.law import step as law_step
+from steer_env.friction.level import Level, Scales, chosen, held_scale, largest, own_scale
+from steer_env.friction.level import make as make_level
+from steer_env.friction.level import scales as level_scales
+from steer_env.friction.numerics.check import constructed, not_negative, number, numbers, one_of
+from steer_env.friction.numerics.kernel import dispatch, kernel
+
+NOTHING = {"law": "viscous", "sigma_2": 0.0}
+ABOVE, BELOW = "upper_column", ("lower_column", "gear", "rack", "motor")
+MOST_ROUNDS = 50
+CLOSE = 1e-15  # of the torque that an error of w1 adds to the second equation, to S w2 [1]
+
+
+class Site(NamedTuple):
+    """A place of friction."""
+
+    law: Any  # parameters of a friction law
+    level: Level
+    driving: float  # c_d, growth of the level with the motor's torque that drives the motion [1/(N m)]
+    driven: float  # c_b, growth with the motor's torque against the motion [1/(N m)]
+    start: int  # of its memory in that of all sites
+    end: int
+
+
+class Sites(NamedTuple):
+    """Sites of a column; one without friction has a damper of zero."""
+
+    upper_column: Site
+    lower_column: Site
+    gear: Site
+    rack: Site
+    motor: Site
+
+
+class Below(NamedTuple):
+    """A number for each site below the bar."""
+
+    lower_column: float
+    gear: float
+    rack: float
+    motor: float
+
+
+class SiteScales(NamedTuple):
+    """Factors of each site on its saturated friction by the direction of motion."""
+
+    upper_column: Scales
+    lower_column: Scales
+    gear: Scales
+    rack: Scales
+    motor: Scales
+
+
+def joint(p, scales, memory, a, R1, K, S, R2, h, w1, w2):
+    """One step of (F19) under forces: the mean speeds, and the torques above and below the bar.
+
+    Parameters
+    ----------
+    p : Sites, or parameters of a law, which then sits below the bar
+    scales : SiteScales, or Scales of the one law
+    memory : (M,) array
+        Advanced in place.
+    a, R1, K, S, R2 : float
+        Of (F19) [N m s/rad, N m].
+    h : float
+        Step [s].
+    w1, w2 : float
+        Speeds from which the search begins [rad/s].
+
+    Returns
+    -------
+    w1, w2 : float
+        Mean speeds [rad/s].
+    T_above, T_below : float
+        Mean torques, from (F19), so that the energy balance is exact [N m].
+    """
+    return (_joint if isinstance(p, Sites) else _joint_one)(p, scales, memory, a, R1, K, S, R2, h, w1, w2)
+
+
+def led(p, scales, memory, w1, S, R, h, w2):
+    """One step with the speed ``w1`` prescribed above the bar; ``R`` has K w1 in it. As :func:`joint`.
+
+    Returns
+    -------
+    w2 : float
+    T_above, T_below : float
+    """
+    return (_led if isinstance(p, Sites) else _led_one)(p, scales, memory, w1, S, R, h, w2)
+
+
+@kernel
+def _joint_one(p, scales, memory, a, R1, K, S, R2, h, w1, w2):
+    S -= K * K / a  # (C5)
+    R2 += K / a * R1  # (C5)
+    scale = chosen(p, scales, memory, R2, h)  # (F11)
+    w2, T = law_step(p, scale, memory, S, R2, h, w2)
+    return (R1 + K * w2) / a, w2, 0.0, T  # (C7)
+
+
+@kernel
+def _led_one(p, scales, memory, w1, S, R, h, w2):
+    scale = chosen(p, scales, memory, R, h)  # (F11)
+    w2, T = law_step(p, scale, memory, S, R, h, w2)
+    return w2, 0.0, T
+
+
+@kernel
+def _held(site, scales, memory):
+    return held_scale(site.law, scales, memory[site.start : site.end])
+
+
+@kernel
+def _rest(site, scale, memory, h):
+    return rest_torque(site.law, scale, memory[site.start : site.end], h)
+
+
+@kernel
+def _own(site, scales, held, memory, side, h):
+    return own_scale(site.law, scales, held, _rest(site, held, memory, h), memory[site.start : site.end], side, h)
+
+
+@kernel
+def _advance(site, scale, memory, w, h):
+    advance(site.law, scale, memory[site.start : site.end], w, h)
+
+
+@kernel
+def _mean(site, scale, memory, w, h):
+    return mean_torque(site.law, scale, memory[site.start : site.end], w, h)
+
+
+@kernel
+def _mean_below(p, L, memory, w, h):
+    """Sum of the mean torques below the bar [N m], and its derivative by the speed [N m s/rad]."""
+    T1, d1 = _mean(p.lower_column, L.lower_column, memory, w, h)
+    T2, d2 = _mean(p.gear, L.gear, memory, w, h)
+    T3, d3 = _mean(p.rack, L.rack, memory, w, h)
+    T4, d4 = _mean(p.motor, L.motor, memory, w, h)
+    return T1 + T2 + T3 + T4, d1 + d2 + d3 + d4
+
+
+@kernel
+def _held_below(p, scales, memory):
+    """The scale of each site with which its memory is loaded; the memory is cut back to it."""
+    return Below(
+        _held(p.lower_column, scales.lower_column, memory),
+        _held(p.gear, scales.gear, memory),
+        _held(p.rack, scales.rack, memory),
+        _held(p.motor, scales.motor, memory),
+    )
+
+
+@kernel
+def _solved_below(p, scales, held, rest, memory, S, R, h, guess):
+    """The speed with ``S w`` + the torques below the bar = ``R``, and the scale of each site with which it is so."""
+    if R == rest:
+        return 0.0, held
+    side = 1.0 if R > rest else -1.0
+    L = Below(
+        _own(p.lower_column, scales.lower_column, held.lower_column, memory, side, h),
+        _own(p.gear, scales.gear, held.gear, memory, side, h),
+        _own(p.rack, scales.rack, held.rack, memory, side, h),
+        _own(p.motor, scales.motor, held.motor, memory, side, h),
+    )
+    start, _ = _mean_below(p, L, memory, side * 0.0, h)  # of a motion to this side; break-away of a set-valued law
+    if side * (R - start) <= 0.0:
+        return 0.0, L
+    return newton(p, L, memory, S, R, h, guess, start), L
+
+
+@kernel
+def _advance_below(p, L, memory, w, h):
+    _advance(p.lower_column, L.lower_column, memory, w, h)
+    _advance(p.gear, L.gear, memory, w, h)
+    _advance(p.rack, L.rack, memory, w, h)
+    _advance(p.motor, L.motor, memory, w, h)
+
+
+@kernel
+def _rest_below(p, L, memory, h):
+    return (
+        _rest(p.lower_column, L.lower_column, memory, h)
+        + _rest(p.gear, L.gear, memory, h)
+        + _rest(p.rack, L.rack, memory, h)
+        + _rest(p.motor, L.motor, memory, h)
+    )
+
+
+@kernel
+def _joint(p, scales, memory, a, R1, K, S, R2, h, w1, w2):
+    above, own = p.upper_column, memory[: p.upper_column.end]
+    held = _held_below(p, scales, memory)
+    rest = _rest_below(p, held, memory, h)
+    L = held
+    scale = chosen(above.law, scales.upper_column, own, R1 + K * w2, h)  # (F11)
+    w1 = solve(above.law, scale, own, a, R1 + K * w2, h, w1)  # (F19)
+    for _ in range(MOST_ROUNDS):
+        # Above the bar, w1 + slope (w - w2) while the speed w below it is sought.
+        _, steep = mean_torque(above.law, scale, own, w1, h)
+        slope = K / (a + steep) if w1 != 0.0 else 0.0
+        w, L = _solved_below(p, scales, held, rest, memory, S - K * slope, R2 + K * (w1 - slope * w2), h, w2)
+        expected = w1 + slope * (w - w2)
+        w2 = w
+        scale = chosen(above.law, scales.upper_column, own, R1 + K * w2, h)  # (F11)
+        w1 = solve(above.law, scale, own, a, R1 + K * w2, h, expected)
+        if K * abs(w1 - expected) <= CLOSE * S * abs(w2):
+            break
+    advance(above.law, scale, own, w1, h)
+    _advance_below(p, L, memory, w2, h)
+    return w1, w2, R1 + K * w2 - a * w1, R2 + K * w1 - S * w2
+
+
+@kernel
+def _led(p, scales, memory, w1, S, R, h, w2):
+    above, own = p.upper_column, memory[: p.upper_column.end]
+    scale = chosen(above.law, scales.upper_column, own, math.copysign(math.inf, w1), h)  # (F11)
+    moving, _ = mean_torque(above.law, scale, own, w1, h)
+    T_above = moving if w1 != 0.0 else rest_torque(above.law, scale, own, h)
+    advance(above.law, scale, own, w1, h)
+    held = _held_below(p, scales, memory)
+    w2, L = _solved_below(p, scales, held, _rest_below(p, held, memory, h), memory, S, R, h, w2)
+    _advance_below(p, L, memory, w2, h)
+    return w2, T_above, R - S * w2
+
+
+@kernel
+def _site_scales(site, conditions, base, load, x, motor):
+    """L_+ and L_- of a site (F20)."""
+    if site.level.temperature_rate != 0.0:
+        base *= math.exp(-site.level.temperature_rate * conditions.temperature_rise)  # (F11)
+    own = level_scales(site.level, base, load, x)
+    positive, negative = site.driving, site.driven
+    if motor < 0.0:
+        positive, negative = negative, positive
+    grown = base * abs(motor)
+    return Scales(own.positive + positive * grown, own.negative + negative * grown)  # (F20)
+
+
+@kernel
+def _scales(p, conditions, base, load, x, motor):
+    return SiteScales(
+        _site_scales(p.upper_column, conditions, base, load, x, motor),
+        _site_scales(p.lower_column, conditions, base, load, x, motor),
+        _site_scales(p.gear, conditions, base, load, x, motor),
+        _site_scales(p.rack, conditions, base, load, x, motor),
+        _site_scales(p.motor, conditions, base, load, x, motor),
+    )
+
+
+@kernel
+def _scales_one(p, conditions, base, load, x, motor):
+    return level_scales(conditions, base, load, x)
+
+
+def scales(p, conditions, base, load, x, motor):
+    """Factors on the saturated friction by the direction of motion: SiteScales of sites, Scales of one law.
+
+    Parameters
+    ----------
+    p : Sites, or parameters of a law
+    conditions : Level
+        Of the car; sites take its rise of temperature alone.
+    base : float
+        L_0 [1].
+    load : float
+        Rack force [N].
+    x : float
+        Position of the column [rad].
+    motor : float
+        Torque of the motor on the column [N m].
+    """
+    return (_scales if isinstance(p, Sites) else _scales_one)(p, conditions, base, load, x, motor)
+
+
+_OF_SITES = {"joint": _joint, "led": _led, "scales": _scales}
+_OF_ONE = {"joint": _joint_one, "led": _led_one, "scales": _scales_one}
+for _point in (joint, led, scales):
+    dispatch(_point, lambda kind, name: (_OF_SITES if kind is Sites else _OF_ONE)[name])
+
+
+@kernel
+def _stored(p, memory):
+    return (
+        stored_energy(p.upper_column.law, memory[p.upper_column.start : p.upper_column.end])
+        + stored_energy(p.lower_column.law, memory[p.lower_column.start : p.lower_column.end])
+        + stored_energy(p.gear.law, memory[p.gear.start : p.gear.end])
+        + stored_energy(p.rack.law, memory[p.rack.start : p.rack.end])
+        + stored_energy(p.motor.law, memory[p.motor.start : p.motor.end])
+    )
+
+
+def _unused(*_: Any) -> Any:
+    raise TypeError("sites of friction are advanced together, by joint or led")
+
+
+LAWS.know(
+    Sites,
+    Law(
+        name="sites",
+        parameters=Sites,
+        make=_unused,
+        memory_size=lambda p: p.motor.end,
+        fitted=(),
+        units={},
+        steepest_fall=_unused,
+        relaxes=any,
+        modes=lambda p: 0,
+        permission=lambda p: {},
+        extends="",
+        advance=_advance_below,
+        torque=_unused,
+        rate=_unused,
+        stored_energy=_stored,
+        mean_torque=_mean_below,
+        solve=_unused,
+        rest_torque=_rest_below,
+    ),
+)
+
+
+class Efficiency(NamedTuple):
+    """Of a gear between motor and column, each output over input in settled motion [1]."""
+
+    driving: float  # the motor drives
+    driven: float  # the column drives the motor back
+
+
+def worm(lead_angle: float, friction_coefficient: float, pressure_angle: float = math.radians(20.0)) -> Efficiency:
+    """Efficiencies of a worm gear from its geometry (F21), without preload.
+
+        eta_d = (cos a - mu tan g)/(cos a + mu cot g),    eta_b = (cos a - mu cot g)/(cos a + mu tan g)    (F21)
+
+    Parameters
+    ----------
+    lead_angle, pressure_angle : float
+        g of the worm and a in the normal section [rad].
+    friction_coefficient : float
+        mu of the flanks [1].
+
+    Raises
+    ------
+    ValueError
+        An angle outside 0 to 90 deg, a coefficient below 0, or a gear that locks itself, with the coefficient at which
+        it begins to.
+
+    Source: textbooks of machine elements, for example Shigley, Mechanical Engineering Design, worm gearing.
+    """
+    g = number("lead_angle [rad]", lead_angle, minimum=0.01, maximum=1.5)
+    a = number("pressure_angle [rad]", pressure_angle, minimum=0.0, maximum=1.0)
+    mu = not_negative("friction_coefficient", friction_coefficient)
+    locks = math.cos(a) * math.tan(g)
+    if mu >= locks:
+        raise ValueError(
+            f"the gear locks itself: friction_coefficient must be less than {locks:.4g} at a lead angle of {g:g} rad, "
+            f"got {mu:g}"
+        )
+    n, tangent = math.cos(a), math.tan(g)
+    return Efficiency((n - mu * tangent) / (n + mu / tangent), (n - mu / tangent) / (n + mu * tangent))  # (F21)
+
+
+def _efficiency(given: Any) -> Efficiency:
+    """From one number for both, from two, or from the geometry of a worm."""
+    if isinstance(given, Mapping):
+        return constructed("the worm gear", worm, given)
+    values = numbers("efficiency", np.atleast_1d(given))
+    if values.size not in (1, 2) or not np.all((values > 0.0) & (values <= 1.0)):
+        raise ValueError(
+            "efficiency must be one number for both directions or two, driving and driven back, each above 0 (a gear "
+            f"that cannot be driven back locks itself) and at most 1, got {given!r}"
+        )
+    return Efficiency(float(values[0]), float(values[-1]))
+
+
+def sliding_torque(p: Any) -> float:
+    """Steady torque of a law at a speed of nearly zero, after a long way [N m]."""
+    memory = np.zeros(law_of(p).memory_size(p))
+    advance(p, 1.0, memory, 1e-3, 1e3)
+    return float(torque(p, 1.0, memory, 1e-9))
+
+
+def make_sites(given: Mapping[str, Any]) -> Sites:
+    """Sites from a mapping of their names to laws.
+
+    Parameters
+    ----------
+    given : mapping
+        Of names of sites. A value is a law in a form of :func:`steer_env.friction.law.resolve`. Where that is a
+        mapping, it may have keywords of :func:`steer_env.friction.level.make` beside those of the law and, at the gear,
+        ``efficiency``: one number for both directions, two for driving and for being driven back, or a mapping of
+        the arguments of :func:`worm`; or ``driving`` and ``driven``, c_d and c_b of (F20), which follow from it.
+
+    Raises
+    ------
+    ValueError
+        An unknown site, a law that cannot sit at one, or a value that is refused, with the name of the site.
+    """
+    if not given:
+        raise ValueError(f"friction needs a site; there are {', '.join((ABOVE, *BELOW))}")
+    for name in given:
+        one_of("a site of friction", name, (ABOVE, *BELOW))
+    sites, start = [], 0
+    for name in (ABOVE, *BELOW):
+        try:
+            site = _site(name, given.get(name, NOTHING), start)
+        except ValueError as error:
+            raise ValueError(f"friction at {name}: {error}") from None
+        sites.append(site)
+        start = site.end
+    return Sites(*sites)
+
+
+_OF_GEAR = {"efficiency", "driving", "driven"}
+_OWN_KEYS = {*inspect.signature(make_level).parameters, *_OF_GEAR}
+
+
+def _site(name: str, given: Any, start: int) -> Site:
+    own = {key: given[key] for key in _OWN_KEYS & given.keys()} if isinstance(given, Mapping) else {}
+    p = laws.resolve({key: value for key, value in given.items() if key not in own} if own else given)
+    if isinstance(p, Sites) or law_of(p).mean_torque is None:
+        raise ValueError(f"the law {law_of(p).name!r} cannot sit at one of several sites")
+    of_gear = sorted(_OF_GEAR & own.keys())
+    if of_gear and name != "gear":
+        raise ValueError(f"{of_gear[0]} is that of the gear")
+    growth = tuple(not_negative(key, own.pop(key, 0.0)) for key in ("driving", "driven"))
+    if "efficiency" in own:
+        if any(growth):
+            raise ValueError("give the efficiency, or driving and driven, which follow from it")
+        growth = _growth(_efficiency(own.pop("efficiency")), p)
+    return Site(p, constructed("level", make_level, own), *growth, start, start + law_of(p).memory_size(p))
+
+
+def _growth(efficiency: Efficiency, p: Any) -> tuple[float, float]:
+    """c_d and c_b of (F20): a motor torque of 1 N m adds 1 - eta_d where it drives, 1/eta_b - 1 where it is driven."""
+    F = sliding_torque(p)
+    if not F > 0.0:
+        raise ValueError(f"friction law {law_of(p).name!r} has no sliding torque that could grow with the load")
+    return (1.0 - efficiency.driving) / F, (1.0 / efficiency.driven - 1.0) / F
+
+
+def falls(p: Any, conditions: Level, base: float, load: float, motor: float, h: float) -> tuple[float, float]:
+    """The largest decrease of the mean torque with the speed, above and below the torsion bar [N m s/rad].
+
+    Of all laws below the bar together, at the largest level of each of them under these loads, which are those of
+    :func:`scales`; ``h`` is the step [s].
+    """
+    if not isinstance(p, Sites):
+        return 0.0, law_of(p).steepest_fall(p, largest(conditions, base, load), h)
+    found = []
+    for site in p:
+        warm = base * math.exp(-site.level.temperature_rate * conditions.temperature_rise)
+        scale = largest(site.level, warm, load) + warm * max(site.driving, site.driven) * motor
+        found.append(law_of(site.law).steepest_fall(site.law, scale, h))
+    return found[0], sum(found[1:])
+
+
+def resolve(friction: Any) -> Any:
+    """Parameters of a law, or sites, from every form in which friction may be given.
+
+    Parameters
+    ----------
+    friction : str, mapping, parameters or Sites
+        A law as :func:`steer_env.friction.law.resolve` takes it, which then sits below the torsion bar; sites as
+        :func:`make_sites` takes them; or sites, which are returned unchanged.
+
+    Raises
+    ------
+    ValueError
+        As of these functions.
+    """
+    if isinstance(friction, Sites):
+        return friction
+    if isinstance(friction, Mapping) and "law" not in friction:
+        return make_sites(friction)
+    return laws.resolve(friction)
+
+
+def as_mapping(p: Any) -> dict[str, Any]:
+    """The mapping that :func:`resolve` turns into these parameters again, of what JSON holds without loss."""
+    if not isinstance(p, Sites):
+        return laws.as_mapping(p)
+    found = {}
+    for name, site in zip(p._fields, p):
+        own = {key: value for key, value in site.level._asdict().items() if value != getattr(Level(), key)}
+        growth = {key: getattr(site, key) for key in ("driving", "driven") if getattr(site, key)}
+        law = laws.as_mapping(site.law)
+        if law != NOTHING:
+            found[name] = {**law, **own, **growth}
+    return found
