@@ -46,6 +46,7 @@ from steer_env.friction.numerics.kernel import dispatch, kernel
 NOTHING = {"law": "viscous", "sigma_2": 0.0}
 ABOVE, BELOW = "upper_column", ("lower_column", "gear", "rack", "motor")
 MOST_ROUNDS = 50
+LEAST = 1e-6  # sliding torque that can grow, assumed [N m]
 CLOSE = 1e-15  # of the torque that an error of w1 adds to the second equation, to S w2 [1]
 
 
@@ -470,7 +471,7 @@ def _site(name: str, given: Any, start: int) -> Site:
 def _growth(efficiency: Efficiency, p: Any) -> tuple[float, float]:
     """c_d and c_b of (F20): a motor torque of 1 N m adds 1 - eta_d where it drives, 1/eta_b - 1 where it is driven."""
     F = sliding_torque(p)
-    if not F > 0.0:
+    if not F > LEAST:
         raise ValueError(f"friction law {law_of(p).name!r} has no sliding torque that could grow with the load")
     return (1.0 - efficiency.driving) / F, (1.0 / efficiency.driven - 1.0) / F
 
