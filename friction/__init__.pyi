@@ -4,7 +4,7 @@ from .identification.fit import Fit, fit
 from .identification.record import Record
 from .law import Law, available, law_of, make, register
 from .response import response
-from .sites import as_mapping, resolve
+from .sites import as_mapping, resolve, varied
 
 __all__ = [
     "Compared",
@@ -23,4 +23,5 @@ __all__ = [
     "register",
     "resolve",
     "response",
+    "varied",
 ]

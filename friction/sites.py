@@ -9,11 +9,11 @@ torque is monotone but for a fall that ``step_limit`` bounds, and K^2 is small b
 10 ms), so that there is one solution. It is found by solving (F19) for one speed and the other in turn, with the first
 equation made linear in w2 while the second is solved.
 
-Each site has a law, a level of its own (F11) and, as a gear has, a load term by the motor's torque T_m:
+Each site has a law and a level of its own. That of the car acts below the bar too; above it, only its factor L_0 does.
+The friction of a gear grows with the torque T_m that the motor sends through it:
 
-    L_+ = (F11) + c |T_m|,   c = c_d where T_m drives the motion, c_b where it is driven back          (F20)
-
-The factor L_0 and the rise of temperature belong to the car and act at every site.
+    L_+ = L_+ of the car (F11) times L_+ of the site (F11) + L_0 c |T_m|                               (F20)
+    c = c_d where T_m drives the motion, c_b where it is driven back; L_- alike                        (F20)
 """
 
 import inspect
@@ -263,26 +263,28 @@ def _led(p, scales, memory, w1, S, R, h, w2):
 
 
 @kernel
-def _site_scales(site, conditions, base, load, x, motor):
+def _site_scales(site, of_car, base, load, x, motor):
     """L_+ and L_- of a site (F20)."""
-    if site.level.temperature_rate != 0.0:
-        base *= math.exp(-site.level.temperature_rate * conditions.temperature_rise)  # (F11)
-    own = level_scales(site.level, base, load, x)
+    own = level_scales(site.level, 1.0, load, x)  # (F11)
     positive, negative = site.driving, site.driven
     if motor < 0.0:
         positive, negative = negative, positive
     grown = base * abs(motor)
-    return Scales(own.positive + positive * grown, own.negative + negative * grown)  # (F20)
+    return Scales(
+        of_car.positive * own.positive + grown * positive,  # (F20)
+        of_car.negative * own.negative + grown * negative,  # (F20)
+    )
 
 
 @kernel
 def _scales(p, conditions, base, load, x, motor):
+    of_car, above = level_scales(conditions, base, load, x), Scales(base, base)
     return SiteScales(
-        _site_scales(p.upper_column, conditions, base, load, x, motor),
-        _site_scales(p.lower_column, conditions, base, load, x, motor),
-        _site_scales(p.gear, conditions, base, load, x, motor),
-        _site_scales(p.rack, conditions, base, load, x, motor),
-        _site_scales(p.motor, conditions, base, load, x, motor),
+        _site_scales(p.upper_column, above, base, 0.0, x, 0.0),
+        _site_scales(p.lower_column, of_car, base, load, x, motor),
+        _site_scales(p.gear, of_car, base, load, x, motor),
+        _site_scales(p.rack, of_car, base, load, x, motor),
+        _site_scales(p.motor, of_car, base, load, x, motor),
     )
 
 
@@ -298,7 +300,7 @@ def scales(p, conditions, base, load, x, motor):
     ----------
     p : Sites, or parameters of a law
     conditions : Level
-        Of the car; sites take its rise of temperature alone.
+        Of the car, which acts at every site below the bar.
     base : float
         L_0 [1].
     load : float
@@ -484,10 +486,9 @@ def falls(p: Any, conditions: Level, base: float, load: float, motor: float, h: 
     """
     if not isinstance(p, Sites):
         return 0.0, law_of(p).steepest_fall(p, largest(conditions, base, load), h)
-    found = []
-    for site in p:
-        warm = base * math.exp(-site.level.temperature_rate * conditions.temperature_rise)
-        scale = largest(site.level, warm, load) + warm * max(site.driving, site.driven) * motor
+    of_car, found = largest(conditions, base, load), []
+    for site, of_all, pressed in zip(p, (base, *[of_car] * len(BELOW)), (0.0, *[load] * len(BELOW))):
+        scale = of_all * largest(site.level, 1.0, pressed) + base * max(site.driving, site.driven) * motor  # (F20)
         found.append(law_of(site.law).steepest_fall(site.law, scale, h))
     return found[0], sum(found[1:])
 
@@ -525,3 +526,28 @@ def as_mapping(p: Any) -> dict[str, Any]:
         if law != NOTHING:
             found[name] = {**law, **own, **growth}
     return found
+
+
+def varied(friction: Any, values: Mapping[str, float]) -> Any:
+    """Friction in a form of :func:`resolve` with other values of its parameters.
+
+    Parameters
+    ----------
+    values : mapping
+        Parameters of the law; of sites ``SITE.PARAMETER``.
+
+    Raises
+    ------
+    ValueError
+        As of :func:`resolve`, and for a site that this friction does not have.
+    """
+    p = resolve(friction)
+    if not isinstance(p, Sites):
+        name, given = laws.parts(friction)
+        return laws.make(name, **{**given, **values})
+    given = as_mapping(p)
+    for key, value in values.items():
+        site, _, name = key.partition(".")
+        one_of("the site of friction", site, tuple(given))
+        given[site] = {**given[site], name: value}
+    return make_sites(given)
