@@ -18,11 +18,13 @@ The friction of a gear grows with the torque T_m that the motor sends through it
 
 import inspect
 import math
+import re
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from steer_env.friction import gear
 from steer_env.friction import law as laws
 from steer_env.friction.law import (
     LAWS,
@@ -31,6 +33,7 @@ from steer_env.friction.law import (
     law_of,
     mean_torque,
     newton,
+    rate,
     rest_torque,
     solve,
     stored_energy,
@@ -40,11 +43,12 @@ from steer_env.friction.law import step as law_step
 from steer_env.friction.level import Level, Scales, chosen, held_scale, largest, own_scale
 from steer_env.friction.level import make as make_level
 from steer_env.friction.level import scales as level_scales
-from steer_env.friction.numerics.check import constructed, not_negative, number, numbers, one_of
+from steer_env.friction.numerics.check import constructed, not_negative, one_of
 from steer_env.friction.numerics.kernel import dispatch, kernel
 
 NOTHING = {"law": "viscous", "sigma_2": 0.0}
 ABOVE, BELOW = "upper_column", ("lower_column", "gear", "rack", "motor")
+TEXT = "LAW[,key=value...]@SITE, several joined by +"  # sites as text
 MOST_ROUNDS = 50
 LEAST = 1e-6  # sliding torque that can grow, assumed [N m]
 CLOSE = 1e-15  # of the torque that an error of w1 adds to the second equation, to S w2 [1]
@@ -72,7 +76,16 @@ class Sites(NamedTuple):
 
 
 class Below(NamedTuple):
-    """A number for each site below the bar."""
+    """The sites below the bar."""
+
+    lower_column: Site
+    gear: Site
+    rack: Site
+    motor: Site
+
+
+class Scaled(NamedTuple):
+    """Factor of each site below the bar on its saturated friction in a step [1]."""
 
     lower_column: float
     gear: float
@@ -169,7 +182,7 @@ def _mean(site, scale, memory, w, h):
 
 
 @kernel
-def _mean_below(p, L, memory, w, h):
+def _mean_sum(p, L, memory, w, h):
     """Sum of the mean torques below the bar [N m], and its derivative by the speed [N m s/rad]."""
     T1, d1 = _mean(p.lower_column, L.lower_column, memory, w, h)
     T2, d2 = _mean(p.gear, L.gear, memory, w, h)
@@ -179,44 +192,7 @@ def _mean_below(p, L, memory, w, h):
 
 
 @kernel
-def _held_below(p, scales, memory):
-    """The scale of each site with which its memory is loaded; the memory is cut back to it."""
-    return Below(
-        _held(p.lower_column, scales.lower_column, memory),
-        _held(p.gear, scales.gear, memory),
-        _held(p.rack, scales.rack, memory),
-        _held(p.motor, scales.motor, memory),
-    )
-
-
-@kernel
-def _solved_below(p, scales, held, rest, memory, S, R, h, guess):
-    """The speed with ``S w`` + the torques below the bar = ``R``, and the scale of each site with which it is so."""
-    if R == rest:
-        return 0.0, held
-    side = 1.0 if R > rest else -1.0
-    L = Below(
-        _own(p.lower_column, scales.lower_column, held.lower_column, memory, side, h),
-        _own(p.gear, scales.gear, held.gear, memory, side, h),
-        _own(p.rack, scales.rack, held.rack, memory, side, h),
-        _own(p.motor, scales.motor, held.motor, memory, side, h),
-    )
-    start, _ = _mean_below(p, L, memory, side * 0.0, h)  # of a motion to this side; break-away of a set-valued law
-    if side * (R - start) <= 0.0:
-        return 0.0, L
-    return newton(p, L, memory, S, R, h, guess, start), L
-
-
-@kernel
-def _advance_below(p, L, memory, w, h):
-    _advance(p.lower_column, L.lower_column, memory, w, h)
-    _advance(p.gear, L.gear, memory, w, h)
-    _advance(p.rack, L.rack, memory, w, h)
-    _advance(p.motor, L.motor, memory, w, h)
-
-
-@kernel
-def _rest_below(p, L, memory, h):
+def _rest_sum(p, L, memory, h):
     return (
         _rest(p.lower_column, L.lower_column, memory, h)
         + _rest(p.gear, L.gear, memory, h)
@@ -226,39 +202,82 @@ def _rest_below(p, L, memory, h):
 
 
 @kernel
+def _advance_sum(p, L, memory, w, h):
+    _advance(p.lower_column, L.lower_column, memory, w, h)
+    _advance(p.gear, L.gear, memory, w, h)
+    _advance(p.rack, L.rack, memory, w, h)
+    _advance(p.motor, L.motor, memory, w, h)
+
+
+@kernel
+def _held_sum(p, scales, memory):
+    """The scale of each site with which its memory is loaded; the memory is cut back to it."""
+    return Scaled(
+        _held(p.lower_column, scales.lower_column, memory),
+        _held(p.gear, scales.gear, memory),
+        _held(p.rack, scales.rack, memory),
+        _held(p.motor, scales.motor, memory),
+    )
+
+
+@kernel
+def _moved(p, L, memory, S, R, h, guess, side):
+    """The speed of a motion to a side, or rest where a set-valued law holds it."""
+    start, _ = mean_torque(p, L, memory, side * 0.0, h)
+    return newton(p, L, memory, S, R, h, guess, start) if side * (R - start) > 0.0 else 0.0
+
+
+@kernel
+def _solved_sum(p, scales, held, rest, memory, S, R, h, guess):
+    """The speed with ``S w`` + the torques below the bar = ``R``, and the scale of each site with which it is so."""
+    if R == rest:
+        return 0.0, held
+    side = 1.0 if R > rest else -1.0
+    L = Scaled(
+        _own(p.lower_column, scales.lower_column, held.lower_column, memory, side, h),
+        _own(p.gear, scales.gear, held.gear, memory, side, h),
+        _own(p.rack, scales.rack, held.rack, memory, side, h),
+        _own(p.motor, scales.motor, held.motor, memory, side, h),
+    )
+    return _moved(p, L, memory, S, R, h, guess, side), L
+
+
+@kernel
 def _joint(p, scales, memory, a, R1, K, S, R2, h, w1, w2):
-    above, own = p.upper_column, memory[: p.upper_column.end]
-    held = _held_below(p, scales, memory)
-    rest = _rest_below(p, held, memory, h)
+    above, own = p.upper_column.law, memory[: p.upper_column.end]
+    below = Below(p.lower_column, p.gear, p.rack, p.motor)
+    held = _held_sum(below, scales, memory)
+    rest = _rest_sum(below, held, memory, h)
     L = held
-    scale = chosen(above.law, scales.upper_column, own, R1 + K * w2, h)  # (F11)
-    w1 = solve(above.law, scale, own, a, R1 + K * w2, h, w1)  # (F19)
+    scale = chosen(above, scales.upper_column, own, R1 + K * w2, h)  # (F11)
+    w1 = solve(above, scale, own, a, R1 + K * w2, h, w1)  # (F19)
     for _ in range(MOST_ROUNDS):
         # Above the bar, w1 + slope (w - w2) while the speed w below it is sought.
-        _, steep = mean_torque(above.law, scale, own, w1, h)
+        _, steep = mean_torque(above, scale, own, w1, h)
         slope = K / (a + steep) if w1 != 0.0 else 0.0
-        w, L = _solved_below(p, scales, held, rest, memory, S - K * slope, R2 + K * (w1 - slope * w2), h, w2)
+        w, L = _solved_sum(below, scales, held, rest, memory, S - K * slope, R2 + K * (w1 - slope * w2), h, w2)
         expected = w1 + slope * (w - w2)
         w2 = w
-        scale = chosen(above.law, scales.upper_column, own, R1 + K * w2, h)  # (F11)
-        w1 = solve(above.law, scale, own, a, R1 + K * w2, h, expected)
+        scale = chosen(above, scales.upper_column, own, R1 + K * w2, h)  # (F11)
+        w1 = solve(above, scale, own, a, R1 + K * w2, h, expected)
         if K * abs(w1 - expected) <= CLOSE * S * abs(w2):
             break
-    advance(above.law, scale, own, w1, h)
-    _advance_below(p, L, memory, w2, h)
+    advance(above, scale, own, w1, h)
+    _advance_sum(below, L, memory, w2, h)
     return w1, w2, R1 + K * w2 - a * w1, R2 + K * w1 - S * w2
 
 
 @kernel
 def _led(p, scales, memory, w1, S, R, h, w2):
-    above, own = p.upper_column, memory[: p.upper_column.end]
-    scale = chosen(above.law, scales.upper_column, own, math.copysign(math.inf, w1), h)  # (F11)
-    moving, _ = mean_torque(above.law, scale, own, w1, h)
-    T_above = moving if w1 != 0.0 else rest_torque(above.law, scale, own, h)
-    advance(above.law, scale, own, w1, h)
-    held = _held_below(p, scales, memory)
-    w2, L = _solved_below(p, scales, held, _rest_below(p, held, memory, h), memory, S, R, h, w2)
-    _advance_below(p, L, memory, w2, h)
+    above, own = p.upper_column.law, memory[: p.upper_column.end]
+    scale = chosen(above, scales.upper_column, own, math.copysign(math.inf, w1), h)  # (F11)
+    moving, _ = mean_torque(above, scale, own, w1, h)
+    T_above = moving if w1 != 0.0 else rest_torque(above, scale, own, h)
+    advance(above, scale, own, w1, h)
+    below = Below(p.lower_column, p.gear, p.rack, p.motor)
+    held = _held_sum(below, scales, memory)
+    w2, L = _solved_sum(below, scales, held, _rest_sum(below, held, memory, h), memory, S, R, h, w2)
+    _advance_sum(below, L, memory, w2, h)
     return w2, T_above, R - S * w2
 
 
@@ -319,97 +338,82 @@ for _point in (joint, led, scales):
     dispatch(_point, lambda kind, name: (_OF_SITES if kind is Sites else _OF_ONE)[name])
 
 
+# Sites as one law: all of them in one motion, as if the bar were rigid, at one factor and without their own levels.
+
+
 @kernel
-def _stored(p, memory):
+def _mean_all(p, L, memory, w, h):
+    T, slope = _mean_sum(Below(p.lower_column, p.gear, p.rack, p.motor), Scaled(L, L, L, L), memory, w, h)
+    above, steep = _mean(p.upper_column, L, memory, w, h)
+    return above + T, steep + slope
+
+
+@kernel
+def _rest_all(p, L, memory, h):
+    below = Below(p.lower_column, p.gear, p.rack, p.motor)
+    return _rest(p.upper_column, L, memory, h) + _rest_sum(below, Scaled(L, L, L, L), memory, h)
+
+
+@kernel
+def _advance_all(p, L, memory, w, h):
+    _advance(p.upper_column, L, memory, w, h)
+    _advance_sum(Below(p.lower_column, p.gear, p.rack, p.motor), Scaled(L, L, L, L), memory, w, h)
+
+
+@kernel
+def _solve_all(p, L, memory, S, R, h, w_guess):
+    rest = _rest_all(p, L, memory, h)
+    return _moved(p, L, memory, S, R, h, w_guess, 1.0 if R > rest else -1.0) if R != rest else 0.0
+
+
+@kernel
+def _torque_of(site, L, memory, w):
+    return torque(site.law, L, memory[site.start : site.end], w)
+
+
+@kernel
+def _torque_all(p, L, memory, w):
     return (
-        stored_energy(p.upper_column.law, memory[p.upper_column.start : p.upper_column.end])
-        + stored_energy(p.lower_column.law, memory[p.lower_column.start : p.lower_column.end])
-        + stored_energy(p.gear.law, memory[p.gear.start : p.gear.end])
-        + stored_energy(p.rack.law, memory[p.rack.start : p.rack.end])
-        + stored_energy(p.motor.law, memory[p.motor.start : p.motor.end])
+        _torque_of(p.upper_column, L, memory, w)
+        + _torque_of(p.lower_column, L, memory, w)
+        + _torque_of(p.gear, L, memory, w)
+        + _torque_of(p.rack, L, memory, w)
+        + _torque_of(p.motor, L, memory, w)
     )
 
 
-def _unused(*_: Any) -> Any:
-    raise TypeError("sites of friction are advanced together, by joint or led")
+@kernel
+def _rate_of(site, L, memory, w, out):
+    rate(site.law, L, memory[site.start : site.end], w, out[site.start : site.end])
 
 
-LAWS.know(
-    Sites,
-    Law(
-        name="sites",
-        parameters=Sites,
-        make=_unused,
-        memory_size=lambda p: p.motor.end,
-        fitted=(),
-        units={},
-        steepest_fall=_unused,
-        relaxes=any,
-        modes=lambda p: 0,
-        permission=lambda p: {},
-        extends="",
-        advance=_advance_below,
-        torque=_unused,
-        rate=_unused,
-        stored_energy=_stored,
-        mean_torque=_mean_below,
-        solve=_unused,
-        rest_torque=_rest_below,
-    ),
-)
+@kernel
+def _rate_all(p, L, memory, w, out):
+    _rate_of(p.upper_column, L, memory, w, out)
+    _rate_of(p.lower_column, L, memory, w, out)
+    _rate_of(p.gear, L, memory, w, out)
+    _rate_of(p.rack, L, memory, w, out)
+    _rate_of(p.motor, L, memory, w, out)
 
 
-class Efficiency(NamedTuple):
-    """Of a gear between motor and column, each output over input in settled motion [1]."""
-
-    driving: float  # the motor drives
-    driven: float  # the column drives the motor back
+@kernel
+def _stored_in(site, memory):
+    return stored_energy(site.law, memory[site.start : site.end])
 
 
-def worm(lead_angle: float, friction_coefficient: float, pressure_angle: float = math.radians(20.0)) -> Efficiency:
-    """Efficiencies of a worm gear from its geometry (F21), without preload.
-
-        eta_d = (cos a - mu tan g)/(cos a + mu cot g),    eta_b = (cos a - mu cot g)/(cos a + mu tan g)    (F21)
-
-    Parameters
-    ----------
-    lead_angle, pressure_angle : float
-        g of the worm and a in the normal section [rad].
-    friction_coefficient : float
-        mu of the flanks [1].
-
-    Raises
-    ------
-    ValueError
-        An angle outside 0 to 90 deg, a coefficient below 0, or a gear that locks itself, with the coefficient at which
-        it begins to.
-
-    Source: textbooks of machine elements, for example Shigley, Mechanical Engineering Design, worm gearing.
-    """
-    g = number("lead_angle [rad]", lead_angle, minimum=0.01, maximum=1.5)
-    a = number("pressure_angle [rad]", pressure_angle, minimum=0.0, maximum=1.0)
-    mu = not_negative("friction_coefficient", friction_coefficient)
-    locks = math.cos(a) * math.tan(g)
-    if mu >= locks:
-        raise ValueError(
-            f"the gear locks itself: friction_coefficient must be less than {locks:.4g} at a lead angle of {g:g} rad, "
-            f"got {mu:g}"
-        )
-    n, tangent = math.cos(a), math.tan(g)
-    return Efficiency((n - mu * tangent) / (n + mu / tangent), (n - mu / tangent) / (n + mu * tangent))  # (F21)
+@kernel
+def _stored_in_all(p, memory):
+    return (
+        _stored_in(p.upper_column, memory)
+        + _stored_in(p.lower_column, memory)
+        + _stored_in(p.gear, memory)
+        + _stored_in(p.rack, memory)
+        + _stored_in(p.motor, memory)
+    )
 
 
-def _efficiency(given: Any) -> Efficiency:
-    """From one number for both, from two, or from the geometry of a worm."""
-    if isinstance(given, Mapping):
-        return constructed("the worm gear", worm, given)
-    values = numbers("efficiency", np.atleast_1d(given))
-    if values.size not in (1, 2) or not np.all((values > 0.0) & (values <= 1.0)):
-        raise ValueError(
-            "efficiency must be one number for both directions or two, driving and driven back, each above 0 (a gear "
-            f"that cannot be driven back locks itself) and at most 1, got {given!r}"
-        )
-    return Efficiency(float(values[0]), float(values[-1]))
+def _steepest_fall(p: Sites, torque_scale: float, h: float) -> float:
+    return sum(law_of(site.law).steepest_fall(site.law, torque_scale, h) for site in p)
 
 
 def sliding_torque(p: Any) -> float:
@@ -428,7 +432,8 @@ def make_sites(given: Mapping[str, Any]) -> Sites:
         Of names of sites. A value is a law in a form of :func:`steer_env.friction.law.resolve`. Where that is a
         mapping, it may have keywords of :func:`steer_env.friction.level.make` beside those of the law and, at the gear,
         ``efficiency``: one number for both directions, two for driving and for being driven back, or a mapping of
-        the arguments of :func:`worm`; or ``driving`` and ``driven``, c_d and c_b of (F20), which follow from it.
+        the arguments of :func:`steer_env.friction.gear.worm`; or, in its place, ``driving`` and ``driven``, c_d and c_b
+        of (F20).
 
     Raises
     ------
@@ -466,16 +471,48 @@ def _site(name: str, given: Any, start: int) -> Site:
     if "efficiency" in own:
         if any(growth):
             raise ValueError("give the efficiency, or driving and driven, which follow from it")
-        growth = _growth(_efficiency(own.pop("efficiency")), p)
+        growth = _growth(gear.efficiency(own.pop("efficiency")), p)
     return Site(p, constructed("level", make_level, own), *growth, start, start + law_of(p).memory_size(p))
 
 
-def _growth(efficiency: Efficiency, p: Any) -> tuple[float, float]:
+def _growth(efficiency: gear.Efficiency, p: Any) -> tuple[float, float]:
     """c_d and c_b of (F20): a motor torque of 1 N m adds 1 - eta_d where it drives, 1/eta_b - 1 where it is driven."""
     F = sliding_torque(p)
     if not F > LEAST:
         raise ValueError(f"friction law {law_of(p).name!r} has no sliding torque that could grow with the load")
     return (1.0 - efficiency.driving) / F, (1.0 / efficiency.driven - 1.0) / F
+
+
+def _as_law(**kernels: Any) -> Law:
+    return Law(
+        name="sites",
+        parameters=Sites,
+        make=make_sites,
+        memory_size=lambda p: p.motor.end,
+        fitted=(),
+        units={},
+        steepest_fall=_steepest_fall,
+        relaxes=True,  # some of them do
+        modes=lambda p: 0,
+        permission=lambda p: {},
+        extends="",
+        **kernels,
+    )
+
+
+LAWS.know(
+    Sites,
+    _as_law(
+        advance=_advance_all,
+        torque=_torque_all,
+        rate=_rate_all,
+        stored_energy=_stored_in_all,
+        mean_torque=_mean_all,
+        solve=_solve_all,
+        rest_torque=_rest_all,
+    ),
+)
+LAWS.know(Below, LAWS.of(Sites)._replace(parameters=Below, mean_torque=_mean_sum))
 
 
 def falls(p: Any, conditions: Level, base: float, load: float, motor: float, h: float) -> tuple[float, float]:
@@ -499,8 +536,9 @@ def resolve(friction: Any) -> Any:
     Parameters
     ----------
     friction : str, mapping, parameters or Sites
-        A law as :func:`steer_env.friction.law.resolve` takes it, which then sits below the torsion bar; sites as
-        :func:`make_sites` takes them; or sites, which are returned unchanged.
+        A law as :func:`steer_env.friction.law.resolve` takes it, which then sits below the torsion bar; a mapping of
+        sites as :func:`make_sites` takes it, or as text, ``"masing,efficiency=0.88@gear+coulomb@upper_column"``; or
+        sites, which are returned unchanged.
 
     Raises
     ------
@@ -511,7 +549,21 @@ def resolve(friction: Any) -> Any:
         return friction
     if isinstance(friction, Mapping) and "law" not in friction:
         return make_sites(friction)
+    if isinstance(friction, str) and "@" in friction:
+        return make_sites(_of_text(friction))
     return laws.resolve(friction)
+
+
+def _of_text(text: str) -> dict[str, Any]:
+    """Sites from ``LAW[,key=value...]@SITE``, several of them joined by ``+``."""
+    found: dict[str, Any] = {}
+    pieces = re.findall(r"(?:^|\+)([^@]+)@([a-z_]+)(?=\+|$)", text)
+    if "+".join(map("@".join, pieces)) != text or len({site for _, site in pieces}) < len(pieces):
+        raise ValueError(f"expected {TEXT}, each site once, got {text!r}")
+    for own, site in pieces:
+        law, given = laws.parts(own)
+        found[site] = {"law": law, **given}
+    return found
 
 
 def as_mapping(p: Any) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from steer_env import friction
-from steer_env.friction import law, sites
+from steer_env.friction import gear, law, sites
 from steer_env.friction.level import Level
 from steer_env.vehicle.steering import column
 
@@ -31,7 +31,7 @@ def driven(p, torque, h, steps, load=0.0, motor=0.0, q=None):
         before, road = column.energy(C, q), -ROAD * q[column.COLUMN_ANGLE]
         hand = torque((i + 0.5) * h)
         start = q.copy()
-        w1, w2, T_F, T1 = column.step(C, p, scales, q, memory, False, hand, 0.0, road + motor, h)
+        w1, w2, T_F, _ = column.step(C, p, scales, q, memory, False, hand, 0.0, road + motor, h)
         above = _above(start, q, w1, w2, hand, h)
         lost = (C.C1 * w1**2 + C.C_tb * (w1 - w2) ** 2 + C.C2 * w2**2 + above * w1 + T_F * w2) * h
         # A sticking contact dissipates the momentum that is left (C8).
@@ -139,7 +139,7 @@ def _mean_wave(t, h):
 @pytest.mark.parametrize("motor", [4.0, -4.0])
 def test_a_worm_gear_slides_with_its_efficiencies(side, motor):
     """Friction in settled sliding at a constant load: what the textbook's efficiencies leave, plus the preload."""
-    found = sites.worm(0.25, 0.05)
+    found = gear.worm(0.25, 0.05)
     p = friction.resolve(
         {"gear": {"law": "masing", "F_c": 0.5, "efficiency": {"lead_angle": 0.25, "friction_coefficient": 0.05}}}
     )
@@ -159,7 +159,7 @@ def test_efficiencies_of_a_worm_are_those_of_statics():
     n, friction_force = math.cos(a), mu
     driving = (n * along - friction_force * across) / (n * across + friction_force * along) * math.tan(g)
     driven_back = (n * across - friction_force * along) / (n * along + friction_force * across) / math.tan(g)
-    assert sites.worm(g, mu) == pytest.approx((driving, driven_back), rel=1e-12)
+    assert gear.worm(g, mu) == pytest.approx((driving, driven_back), rel=1e-12)
 
 
 @pytest.mark.parametrize(
