@@ -332,9 +332,25 @@ def scales(p, conditions, base, load, x, motor):
     return (_scales if isinstance(p, Sites) else _scales_one)(p, conditions, base, load, x, motor)
 
 
-_OF_SITES = {"joint": _joint, "led": _led, "scales": _scales}
-_OF_ONE = {"joint": _joint_one, "led": _led_one, "scales": _scales_one}
-for _point in (joint, led, scales):
+@kernel
+def _uniform(p, L):
+    same = Scales(L, L)
+    return SiteScales(same, same, same, same, same)
+
+
+@kernel
+def _uniform_one(p, L):
+    return Scales(L, L)
+
+
+def uniform(p, L):
+    """The same factor everywhere and in both directions, as :func:`scales` gives them."""
+    return (_uniform if isinstance(p, Sites) else _uniform_one)(p, L)
+
+
+_OF_SITES = {"joint": _joint, "led": _led, "scales": _scales, "uniform": _uniform}
+_OF_ONE = {"joint": _joint_one, "led": _led_one, "scales": _scales_one, "uniform": _uniform_one}
+for _point in (joint, led, scales, uniform):
     dispatch(_point, lambda kind, name: (_OF_SITES if kind is Sites else _OF_ONE)[name])
 
 

@@ -19,7 +19,6 @@ Source: two-degree-of-freedom column of the steering-simulator literature, with 
 from typing import NamedTuple
 
 from steer_env.friction import sites
-from steer_env.friction.level import both
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle.keys import checked
 
@@ -146,13 +145,13 @@ def step(c, friction, scales, q, memory, robot, hand, hand_speed, T_C, h):
 @kernel
 def step_torque(c, friction, torque_scale, q, memory, T1, T_C, h):
     """:func:`step` under a hand torque: steering by torque, or free (``T1 = 0``). Returns ``w1, w2, T_F``."""
-    return step(c, friction, both(torque_scale), q, memory, False, T1, 0.0, T_C, h)[:3]
+    return step(c, friction, sites.uniform(friction, torque_scale), q, memory, False, T1, 0.0, T_C, h)[:3]
 
 
 @kernel
 def step_angle(c, friction, torque_scale, q, memory, angle, speed, T_C, h):
     """:func:`step` with a prescribed handwheel angle and speed at its end. Returns ``w1, w2, T_F, T1``."""
-    return step(c, friction, both(torque_scale), q, memory, True, angle, speed, T_C, h)
+    return step(c, friction, sites.uniform(friction, torque_scale), q, memory, True, angle, speed, T_C, h)
 
 
 @kernel
