@@ -7,8 +7,8 @@ raise it. The fall grows with the friction scale (F11), which is taken at the la
 and in the direction in which it is largest. The numbers of the equations are those of docs/model.md.
 """
 
-from steer_env.friction.law import law_of
 from steer_env.friction import sites
+from steer_env.friction.law import law_of
 from steer_env.vehicle.plant import Plant
 from steer_env.vehicle.steering.column import Column
 from steer_env.vehicle.steering.eps import SAMPLE_TIME

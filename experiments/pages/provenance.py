@@ -161,9 +161,18 @@ def _processor() -> str:
 
 
 def parameters(p: Any) -> dict[str, dict[str, Any]]:
-    """Every field of a NamedTuple of parameters with its value, and the comment beside it (meaning and unit)."""
+    """Every field of a NamedTuple of parameters with its value, and the comment beside it (meaning and unit).
+
+    A field that holds such parameters itself is taken apart: ``level.load``.
+    """
     comments = dict(re.findall(r"^ +(\w+): [^#\n]+#\s*(.+)$", inspect.getsource(type(p)), re.MULTILINE))
-    return {name: {"value": _plain(value), "meaning": comments.get(name, "")} for name, value in p._asdict().items()}
+    found: dict[str, dict[str, Any]] = {}
+    for name, value in p._asdict().items():
+        if hasattr(value, "_fields"):
+            found |= {f"{name}.{key}": about for key, about in parameters(value).items()}
+        else:
+            found[name] = {"value": _plain(value), "meaning": comments.get(name, "")}
+    return found
 
 
 def calibration() -> dict[str, Any]:
