@@ -86,15 +86,15 @@ def _of_site(job: tuple[Car, str, float | None]) -> Site:
 
 
 def _responses(car: Car, law: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Span of the yaw rate over that of hand torque [deg/s/(N m)] and of handwheel angle [1/s], of each settled cycle."""
-    weave = replace(manoeuvres.make("weave"), lateral_acceleration=SMALL)
-    found = manoeuvres.drive(car, weave, law)
+    """Span of the yaw rate over those of hand torque [deg/s/(N m)] and handwheel angle [1/s], of each settled cycle."""
+    found = manoeuvres.drive(car, replace(manoeuvres.make("weave"), lateral_acceleration=SMALL), law)
     samples = round(1.0 / (found.meta["frequency_hz"] * SAMPLE_TIME))
-    cycles = np.stack([found["yaw_rate"], found["handwheel_torque"]])[
-        :, samples : samples * (len(found.time) // samples)
-    ]
-    yaw, torque = np.ptp(cycles.reshape(2, -1, samples), axis=2)
-    return np.degrees(yaw) / torque
+    whole = slice(samples, samples * (found.time.size // samples))
+    yaw, torque, angle = (
+        np.ptp(found[name][whole].reshape(-1, samples), axis=1)
+        for name in ("yaw_rate", "handwheel_torque", "handwheel_angle")
+    )
+    return np.degrees(yaw) / torque, yaw / angle
 
 
 def _claims(car: Car) -> tuple[Claim, Claim, Claim]:
