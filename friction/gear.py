@@ -1,6 +1,6 @@
 """Efficiency of a gear between motor and column, which says how its friction grows with the load.
 
-Source of (F21): textbooks of machine elements, for example Shigley, Mechanical Engineering Design, worm gearing.
+Source of (F45): textbooks of machine elements, for example Shigley, Mechanical Engineering Design, worm gearing.
 """
 
 import math
@@ -20,9 +20,9 @@ class Efficiency(NamedTuple):
 
 
 def worm(lead_angle: float, friction_coefficient: float, pressure_angle: float = math.radians(20.0)) -> Efficiency:
-    """Efficiencies of a worm gear from its geometry (F21), without its preload.
+    """Efficiencies of a worm gear from its geometry (F45), without its preload.
 
-        eta_d = (cos a - mu tan g)/(cos a + mu cot g),    eta_b = (cos a - mu cot g)/(cos a + mu tan g)    (F21)
+        eta_d = (cos a - mu tan g)/(cos a + mu cot g),    eta_b = (cos a - mu cot g)/(cos a + mu tan g)    (F45)
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def worm(lead_angle: float, friction_coefficient: float, pressure_angle: float =
             f"got {mu:g}"
         )
     n, tangent = math.cos(a), math.tan(g)
-    return Efficiency((n - mu * tangent) / (n + mu / tangent), (n - mu / tangent) / (n + mu * tangent))  # (F21)
+    return Efficiency((n - mu * tangent) / (n + mu / tangent), (n - mu / tangent) / (n + mu * tangent))  # (F45)
 
 
 def efficiency(given: Any) -> Efficiency:

@@ -1,19 +1,19 @@
 """Friction at several sites of a column: above the torsion bar, and at four places that turn together below it.
 
-    a w1 + mean T_u(w1) - K w2 = R_1                                  (F19)
-    S w2 + sum of mean T_i(w2) - K w1 = R_2                           (F19)
+    a w1 + mean T_u(w1) - K w2 = R_1                                  (F43)
+    S w2 + sum of mean T_i(w2) - K w1 = R_2                           (F43)
 
 w1 and w2 are the mean speeds of the handwheel and of the column below the bar over a step, T_u is the torque of the
 site above it, and the sum goes over the sites below. Coulomb's law and its kind are inclusions here, as in (F7). Every
 torque is monotone but for a fall that ``step_limit`` bounds, and K^2 is small beside a S (2e-6 of it at 1 ms, 6e-3 at
-10 ms), so that there is one solution. It is found by solving (F19) for one speed and the other in turn, with the first
+10 ms), so that there is one solution. It is found by solving (F43) for one speed and the other in turn, with the first
 equation made linear in w2 while the second is solved.
 
 Each site has a law and a level of its own. That of the car acts below the bar too; above it, only its factor L_0 does.
 The friction of a gear grows with the torque T_m that the motor sends through it:
 
-    L_+ = L_+ of the car (F11) times L_+ of the site (F11) + L_0 c |T_m|                               (F20)
-    c = c_d where T_m drives the motion, c_b where it is driven back; L_- alike                        (F20)
+    L_+ = L_+ of the car (F11) times L_+ of the site (F11) + L_0 c |T_m|                               (F44)
+    c = c_d where T_m drives the motion, c_b where it is driven back; L_- alike                        (F44)
 """
 
 import inspect
@@ -104,7 +104,7 @@ class SiteScales(NamedTuple):
 
 
 def joint(p, scales, memory, a, R1, K, S, R2, h, w1, w2):
-    """One step of (F19) under forces: the mean speeds, and the torques above and below the bar.
+    """One step of (F43) under forces: the mean speeds, and the torques above and below the bar.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def joint(p, scales, memory, a, R1, K, S, R2, h, w1, w2):
     memory : (M,) array
         Advanced in place.
     a, R1, K, S, R2 : float
-        Of (F19) [N m s/rad, N m].
+        Of (F43) [N m s/rad, N m].
     h : float
         Step [s].
     w1, w2 : float
@@ -124,7 +124,7 @@ def joint(p, scales, memory, a, R1, K, S, R2, h, w1, w2):
     w1, w2 : float
         Mean speeds [rad/s].
     T_above, T_below : float
-        Mean torques, from (F19), so that the energy balance is exact [N m].
+        Mean torques, from (F43), so that the energy balance is exact [N m].
     """
     return (_joint if isinstance(p, Sites) else _joint_one)(p, scales, memory, a, R1, K, S, R2, h, w1, w2)
 
@@ -250,7 +250,7 @@ def _joint(p, scales, memory, a, R1, K, S, R2, h, w1, w2):
     rest = _rest_sum(below, held, memory, h)
     L = held
     scale = chosen(above, scales.upper_column, own, R1 + K * w2, h)  # (F11)
-    w1 = solve(above, scale, own, a, R1 + K * w2, h, w1)  # (F19)
+    w1 = solve(above, scale, own, a, R1 + K * w2, h, w1)  # (F43)
     for _ in range(MOST_ROUNDS):
         # Above the bar, w1 + slope (w - w2) while the speed w below it is sought.
         _, steep = mean_torque(above, scale, own, w1, h)
@@ -283,15 +283,15 @@ def _led(p, scales, memory, w1, S, R, h, w2):
 
 @kernel
 def _site_scales(site, of_car, base, load, x, motor):
-    """L_+ and L_- of a site (F20)."""
+    """L_+ and L_- of a site (F44)."""
     own = level_scales(site.level, 1.0, load, x)  # (F11)
     positive, negative = site.driving, site.driven
     if motor < 0.0:
         positive, negative = negative, positive
     grown = base * abs(motor)
     return Scales(
-        of_car.positive * own.positive + grown * positive,  # (F20)
-        of_car.negative * own.negative + grown * negative,  # (F20)
+        of_car.positive * own.positive + grown * positive,  # (F44)
+        of_car.negative * own.negative + grown * negative,  # (F44)
     )
 
 
@@ -449,7 +449,7 @@ def make_sites(given: Mapping[str, Any]) -> Sites:
         mapping, it may have keywords of :func:`steer_env.friction.level.make` beside those of the law and, at the gear,
         ``efficiency``: one number for both directions, two for driving and for being driven back, or a mapping of
         the arguments of :func:`steer_env.friction.gear.worm`; or, in its place, ``driving`` and ``driven``, c_d and c_b
-        of (F20).
+        of (F44).
 
     Raises
     ------
@@ -492,7 +492,7 @@ def _site(name: str, given: Any, start: int) -> Site:
 
 
 def _growth(efficiency: gear.Efficiency, p: Any) -> tuple[float, float]:
-    """c_d and c_b of (F20): a motor torque of 1 N m adds 1 - eta_d where it drives, 1/eta_b - 1 where it is driven."""
+    """c_d and c_b of (F44): a motor torque of 1 N m adds 1 - eta_d where it drives, 1/eta_b - 1 where it is driven."""
     F = sliding_torque(p)
     if not F > LEAST:
         raise ValueError(f"friction law {law_of(p).name!r} has no sliding torque that could grow with the load")
@@ -541,7 +541,7 @@ def falls(p: Any, conditions: Level, base: float, load: float, motor: float, h: 
         return 0.0, law_of(p).steepest_fall(p, largest(conditions, base, load), h)
     of_car, found = largest(conditions, base, load), []
     for site, of_all, pressed in zip(p, (base, *[of_car] * len(BELOW)), (0.0, *[load] * len(BELOW))):
-        scale = of_all * largest(site.level, 1.0, pressed) + base * max(site.driving, site.driven) * motor  # (F20)
+        scale = of_all * largest(site.level, 1.0, pressed) + base * max(site.driving, site.driven) * motor  # (F44)
         found.append(law_of(site.law).steepest_fall(site.law, scale, h))
     return found[0], sum(found[1:])
 

@@ -164,7 +164,7 @@ def steer(p, state, hand, hand_speed, before, after, elapsed, force, h):
     _, _, T_F, T1 = column.step(
         p.column,
         p.friction,
-        sites.scales(p.friction, p.level, p.friction_torque_scale, force, position, motor),  # (F11), (F20)
+        sites.scales(p.friction, p.level, p.friction_torque_scale, force, position, motor),  # (F11), (F44)
         state[at.column : at.assist],
         state[at.memory :],
         p.robot > 0.0,
