@@ -363,7 +363,9 @@ def drive_plant(
             "chassis": manoeuvre.chassis,
             "tyre": car.tyre.name,
             "friction": law_of(p.friction).name,
-            "friction_parameters": ",".join(f"{'.'.join(each.path)}={_text(each.value)}" for each in leaves(p.friction)),
+            "friction_parameters": ",".join(
+                f"{'.'.join(each.path)}={_text(each.value)}" for each in leaves(p.friction)
+            ),
             "speed_m_s": manoeuvre.speed,
             **steered,
             "frequency_hz": manoeuvre.frequency,
