@@ -445,8 +445,8 @@ def make_sites(given: Mapping[str, Any]) -> Sites:
     Parameters
     ----------
     given : mapping
-        Of names of sites. A value is a law in a form of :func:`steer_env.friction.law.resolve`. Where that is a
-        mapping, it may have keywords of :func:`steer_env.friction.level.make` beside those of the law and, at the gear,
+        Of names of sites. A value is a law in a form of :func:`steer_env.friction.law.resolve`, which beside the law's
+        own parameters may have keywords of :func:`steer_env.friction.level.make` and, at the gear,
         ``efficiency``: one number for both directions, two for driving and for being driven back, or a mapping of
         the arguments of :func:`steer_env.friction.gear.worm`; or, in its place, ``driving`` and ``driven``, c_d and c_b
         of (F44).
@@ -476,19 +476,21 @@ _OWN_KEYS = {*inspect.signature(make_level).parameters, *_OF_GEAR}
 
 
 def _site(name: str, given: Any, start: int) -> Site:
-    own = {key: given[key] for key in _OWN_KEYS & given.keys()} if isinstance(given, Mapping) else {}
-    p = laws.resolve({key: value for key, value in given.items() if key not in own} if own else given)
-    if isinstance(p, Sites) or law_of(p).mean_torque is None:
-        raise ValueError(f"the law {law_of(p).name!r} cannot sit at one of several sites")
+    law, keys = laws.parts(given)
+    own = {key: keys.pop(key) for key in _OWN_KEYS & keys.keys()}
+    p = laws.resolve({"law": law, **keys})
+    if law_of(p).mean_torque is None:
+        raise ValueError(f"the law {law!r} has no mean_torque, which a site needs")
     of_gear = sorted(_OF_GEAR & own.keys())
     if of_gear and name != "gear":
         raise ValueError(f"{of_gear[0]} is that of the gear")
-    growth = tuple(not_negative(key, own.pop(key, 0.0)) for key in ("driving", "driven"))
+    driving, driven = (not_negative(key, own.pop(key, 0.0)) for key in ("driving", "driven"))
     if "efficiency" in own:
-        if any(growth):
+        if driving or driven:
             raise ValueError("give the efficiency, or driving and driven, which follow from it")
-        growth = _growth(gear.efficiency(own.pop("efficiency")), p)
-    return Site(p, constructed("level", make_level, own), *growth, start, start + law_of(p).memory_size(p))
+        driving, driven = _growth(gear.efficiency(own.pop("efficiency")), p)
+    level = constructed("level", make_level, own)
+    return Site(p, level, driving, driven, start, start + law_of(p).memory_size(p))
 
 
 def _growth(efficiency: gear.Efficiency, p: Any) -> tuple[float, float]:
@@ -499,36 +501,28 @@ def _growth(efficiency: gear.Efficiency, p: Any) -> tuple[float, float]:
     return (1.0 - efficiency.driving) / F, (1.0 / efficiency.driven - 1.0) / F
 
 
-def _as_law(**kernels: Any) -> Law:
-    return Law(
-        name="sites",
-        parameters=Sites,
-        make=make_sites,
-        memory_size=lambda p: p.motor.end,
-        fitted=(),
-        units={},
-        steepest_fall=_steepest_fall,
-        relaxes=True,  # some of them do
-        modes=lambda p: 0,
-        permission=lambda p: {},
-        extends="",
-        **kernels,
-    )
-
-
-LAWS.know(
-    Sites,
-    _as_law(
-        advance=_advance_all,
-        torque=_torque_all,
-        rate=_rate_all,
-        stored_energy=_stored_in_all,
-        mean_torque=_mean_all,
-        solve=_solve_all,
-        rest_torque=_rest_all,
-    ),
+_TOGETHER = Law(
+    name="sites",
+    parameters=Sites,
+    make=make_sites,
+    memory_size=lambda p: p.motor.end,
+    fitted=(),
+    units={},
+    steepest_fall=_steepest_fall,
+    relaxes=True,  # some of them do
+    modes=lambda p: 0,
+    permission=lambda p: {},
+    extends="",
+    advance=_advance_all,
+    torque=_torque_all,
+    rate=_rate_all,
+    stored_energy=_stored_in_all,
+    mean_torque=_mean_all,
+    solve=_solve_all,
+    rest_torque=_rest_all,
 )
-LAWS.know(Below, LAWS.of(Sites)._replace(parameters=Below, mean_torque=_mean_sum))
+LAWS.know(Sites, _TOGETHER)
+LAWS.know(Below, _TOGETHER._replace(parameters=Below, mean_torque=_mean_sum))
 
 
 def falls(p: Any, conditions: Level, base: float, load: float, motor: float, h: float) -> tuple[float, float]:
@@ -572,14 +566,10 @@ def resolve(friction: Any) -> Any:
 
 def _of_text(text: str) -> dict[str, Any]:
     """Sites from ``LAW[,key=value...]@SITE``, several of them joined by ``+``."""
-    found: dict[str, Any] = {}
     pieces = re.findall(r"(?:^|\+)([^@]+)@([a-z_]+)(?=\+|$)", text)
     if "+".join(map("@".join, pieces)) != text or len({site for _, site in pieces}) < len(pieces):
         raise ValueError(f"expected {TEXT}, each site once, got {text!r}")
-    for own, site in pieces:
-        law, given = laws.parts(own)
-        found[site] = {"law": law, **given}
-    return found
+    return {site: law for law, site in pieces}
 
 
 def as_mapping(p: Any) -> dict[str, Any]:

@@ -100,7 +100,8 @@ def _responses(car: Car, law: Any) -> tuple[np.ndarray, np.ndarray]:
 def _claims(car: Car) -> tuple[Claim, Claim, Claim]:
     laws = NONE, sites(BASE, defaults.F_C), sites(ABOVE, defaults.F_C)
     bands = [np.array(battery.drive(car, law, "weave").values["torque_deadband"].repeats) for law in laws]
-    return *map(_claim, zip(*(_responses(car, law) for law in laws))), _claim(bands)
+    over_torque, over_angle = zip(*(_responses(car, law) for law in laws))
+    return _claim(over_torque), _claim(over_angle), _claim(bands)
 
 
 def _claim(found: Sequence[np.ndarray]) -> Claim:

@@ -31,7 +31,7 @@ def test_friction_above_the_bar_leaves_the_angle_alone(made):
 
 
 def test_published_signs(made):
-    """Friction above the bar widens the dead band of torque more; the response to torque falls more too, unpublished."""
+    """Friction above the bar widens the dead band of torque more; other than published, it also costs more response."""
     band, response = made[1]["torque_deadband_nm"], made[1]["response_deg_s_nm"]
     assert band["above"][1] > band["below"][2] > 0.0
     assert response["above"][2] < response["below"][1] < 0.0

@@ -10,8 +10,9 @@ step of length h with the mean speeds w1 and w2, equation (C1) is linear and eli
 
     S w2 + mean T_F(w2) = R                                                        (F7)
 
-which the friction law solves; with friction above the bar too there are two (F43). The mean speed w2 is the speed to observe: the midpoint rule is not L-stable, and the
-speeds at the ends of the steps contain the oscillations that it does not damp.
+which the friction law solves; with friction above the bar too there are two (F43). The mean speed w2 is the speed to
+observe: the midpoint rule is not L-stable, and the speeds at the ends of the steps contain the oscillations that it
+does not damp.
 
 Source: two-degree-of-freedom column of the steering-simulator literature, with the damping of the torsion bar added.
 """
