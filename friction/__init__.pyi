@@ -2,8 +2,9 @@ from . import level, models, records
 from .identification.compare import Compared, compare
 from .identification.fit import Fit, fit
 from .identification.record import Record
-from .law import Law, as_mapping, available, law_of, make, register, resolve
+from .law import Law, available, law_of, make, register
 from .response import response
+from .sites import as_mapping, resolve, varied
 
 __all__ = [
     "Compared",
@@ -22,4 +23,5 @@ __all__ = [
     "register",
     "resolve",
     "response",
+    "varied",
 ]

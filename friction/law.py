@@ -124,7 +124,8 @@ def register(
     stored_energy : ``(p, memory) -> float``
         Energy that the memory can give back [J].
     mean_torque : ``(p, torque_scale, memory, w, h) -> (float, float)``, optional
-        Exact mean torque over ``h`` at constant ``w`` [N m], and its derivative by ``w`` [N m s/rad].
+        Exact mean torque over ``h`` at constant ``w`` [N m], and its derivative by ``w`` [N m s/rad]; of a set-valued
+        law at ``w = 0`` the torque with which motion begins to the side of the sign of ``w``.
     solve : ``(p, torque_scale, memory, S, R, h, w_guess) -> float``, optional
         The speed ``w`` with ``S w + mean_torque(w) = R``; by default from a safeguarded Newton iteration.
     fitted : tuple of str or Sliders, optional

@@ -150,13 +150,29 @@ def chosen(p, scales, memory, R, h):
     positive, negative = scales.positive, scales.negative
     if positive == negative:
         return positive
+    held = held_scale(p, scales, memory)
+    rest = rest_torque(p, held, memory, h)
+    if R == rest:
+        return held
+    return own_scale(p, scales, held, rest, memory, 1.0 if R > rest else -1.0, h)
+
+
+@kernel
+def held_scale(p, scales, memory):
+    """The scale with which a memory is loaded, which is cut back to what break-away allows with it."""
+    positive, negative = scales.positive, scales.negative
+    if positive == negative:
+        return positive
     held = positive if positive > negative else negative
     loaded = torque(p, held, memory, 0.0)
     if loaded != 0.0:
         held = positive if loaded > 0.0 else negative
         advance(p, held, memory, 0.0, 0.0)  # no motion and no time: only the cut
-    rest = rest_torque(p, held, memory, h)
-    if R == rest:
-        return held
-    own = positive if R > rest else negative
-    return own if rest_torque(p, own, memory, h) == rest else held
+    return held
+
+
+@kernel
+def own_scale(p, scales, held, rest, memory, side, h):
+    """The scale of a motion to a side, from the one held and the mean torque of a step at rest with it."""
+    own = scales.positive if side > 0.0 else scales.negative
+    return own if own == held or rest_torque(p, own, memory, h) == rest else held

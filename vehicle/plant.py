@@ -20,7 +20,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.friction.level import Level, scales
+from steer_env.friction import sites
+from steer_env.friction.level import Level
 from steer_env.friction.numerics import scratch
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.interpolation import hermite
@@ -163,7 +164,7 @@ def steer(p, state, hand, hand_speed, before, after, elapsed, force, h):
     _, _, T_F, T1 = column.step(
         p.column,
         p.friction,
-        scales(p.level, p.friction_torque_scale, force, position),  # (F11)
+        sites.scales(p.friction, p.level, p.friction_torque_scale, force, position, motor),  # (F11), (F44)
         state[at.column : at.assist],
         state[at.memory :],
         p.robot > 0.0,

@@ -7,8 +7,8 @@ raise it. The fall grows with the friction scale (F11), which is taken at the la
 and in the direction in which it is largest. The numbers of the equations are those of docs/model.md.
 """
 
+from steer_env.friction import sites
 from steer_env.friction.law import law_of
-from steer_env.friction.level import largest
 from steer_env.vehicle.plant import Plant
 from steer_env.vehicle.steering.column import Column
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
@@ -18,11 +18,12 @@ LARGEST_RACK_FORCE = 15e3  # [N]
 SHORTEST_STEP = 1e-7  # below which no step is looked for, assumed [s]
 
 
-def least_slope(c: Column, h: float) -> float:
-    """The smallest S of the step equation of a column, over a step of ``h`` [s], in N m s/rad."""
+def least_slopes(c: Column, h: float) -> tuple[float, float]:
+    """The smallest S of the step equation above and below the bar, over a step of ``h`` [s], in N m s/rad."""
     K = c.C_tb + 0.5 * h * c.K_tb  # (C4)
-    a11 = 2.0 * (c.I1 + c.I_arm) / h + c.C1 + c.C_arm + 0.5 * h * c.K_arm + K  # (C4)
-    return 2.0 * c.I2 / h + c.C2 + K - K * K / a11  # (C5)
+    above = 2.0 * (c.I1 + c.I_arm) / h + c.C1 + c.C_arm + 0.5 * h * c.K_arm + K  # (C4)
+    below = 2.0 * c.I2 / h + c.C2 + K
+    return above - K * K / below, below - K * K / above  # (C5)
 
 
 def checked(p: Plant) -> Plant:
@@ -34,10 +35,16 @@ def checked(p: Plant) -> Plant:
         It may have several, with the slope that is allowed, the longest step and what helps.
     """
     law, level = law_of(p.friction), p.friction_torque_scale
-    scale = largest(p.level, level, LARGEST_RACK_FORCE)  # (F11)
+
+    def fall_and_slope(h: float) -> tuple[float, float]:
+        """Of the site that is nearer to its limit."""
+        loads = LARGEST_RACK_FORCE, p.assist.limit
+        pairs = zip(sites.falls(p.friction, p.level, level, *loads, h), least_slopes(p.column, h))
+        return max(pairs, key=lambda pair: pair[0] / pair[1])
 
     def single(h: float) -> bool:
-        return law.steepest_fall(p.friction, scale, h) < least_slope(p.column, h)  # (F13)
+        fall, slope = fall_and_slope(h)
+        return fall < slope  # (F13)
 
     if single(SAMPLE_TIME):
         return p
@@ -49,11 +56,11 @@ def checked(p: Plant) -> Plant:
         steps = f"steps of up to {1e3 * low:.3g} ms would do"
     else:
         steps = "no shorter step helps"
-    fall = law.steepest_fall(p.friction, scale, SAMPLE_TIME)
+    fall, slope = fall_and_slope(SAMPLE_TIME)
     raise ValueError(
         f"friction law {law.name!r}: its torque falls with the speed by up to {fall:.3g} N m s/rad at the largest"
-        f" friction scale, {scale:.3g} (level {level:g}, rack force {1e-3 * LARGEST_RACK_FORCE:g} kN); at the step of"
-        f" {1e3 * SAMPLE_TIME:g} ms the column allows less than {least_slope(p.column, SAMPLE_TIME):.3g}, beyond which"
+        f" friction scale (level {level:g}, rack force {1e-3 * LARGEST_RACK_FORCE:g} kN); at the step of"
+        f" {1e3 * SAMPLE_TIME:g} ms the column allows less than {slope:.3g}, beyond which"
         f" the speed is not determined ({steps}). Raise the law's Stribeck speed, or lower its break-away torque"
         " towards its sliding torque, its damping of the bristles or the friction level"
     )

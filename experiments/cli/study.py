@@ -14,7 +14,7 @@ from steer_env.friction.numerics.registry import dashed, listed
 
 GROUP = "test"
 STUDIES = listed("steer_env.experiments.studies", dashed)
-SWEEPING = ("coupling", "friction", "hands-off", "held-torque", "loop-width")  # studies of many cases
+SWEEPING = ("coupling", "friction", "friction-sites", "hands-off", "held-torque", "loop-width")  # studies of many cases
 EXTRAS = {"coupling": "fmu"}  # study -> the extra that it needs
 
 

@@ -21,6 +21,7 @@ import steer_env
 from steer_env import experiments, friction, vehicle
 from steer_env.friction import defaults
 from steer_env.friction.law import law_of
+from steer_env.friction.sites import Sites, as_mapping
 from steer_env.vehicle.cars import Car, declared_keys
 from steer_env.vehicle.steering.assist import functions
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
@@ -112,7 +113,9 @@ def digest(value: Any) -> str:
 
 
 def _law_in_short(p: Any) -> dict[str, Any]:
-    """Name of a friction law, and its parameters."""
+    """Name of a friction law, and its parameters; of sites the mapping that gives them."""
+    if isinstance(p, Sites):
+        return {"sites": as_mapping(p)}
     return {"law": law_of(p).name, "parameters": {name: _plain(value) for name, value in p._asdict().items()}}
 
 
@@ -158,9 +161,18 @@ def _processor() -> str:
 
 
 def parameters(p: Any) -> dict[str, dict[str, Any]]:
-    """Every field of a NamedTuple of parameters with its value, and the comment beside it (meaning and unit)."""
+    """Every field of a NamedTuple of parameters with its value, and the comment beside it (meaning and unit).
+
+    A field that holds such parameters itself is taken apart: ``level.load``.
+    """
     comments = dict(re.findall(r"^ +(\w+): [^#\n]+#\s*(.+)$", inspect.getsource(type(p)), re.MULTILINE))
-    return {name: {"value": _plain(value), "meaning": comments.get(name, "")} for name, value in p._asdict().items()}
+    found: dict[str, dict[str, Any]] = {}
+    for name, value in p._asdict().items():
+        if hasattr(value, "_fields"):
+            found |= {f"{name}.{key}": about for key, about in parameters(value).items()}
+        else:
+            found[name] = {"value": _plain(value), "meaning": comments.get(name, "")}
+    return found
 
 
 def calibration() -> dict[str, Any]:

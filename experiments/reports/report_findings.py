@@ -283,7 +283,7 @@ def held_torque(results: Results) -> HeldTorque | None:
 def at_sample(results: Results) -> dict[str, Row]:
     """Midpoint scheme with every law at the step of the controller, or at the nearest step in the table."""
     rows = {law: [row for row in table if row.scheme == "midpoint"] for law, table in results.tables.items()}
-    return {law: min(found, key=lambda row: abs(row.step - SAMPLE_TIME)) for law, found in rows.items()}
+    return {law: min(found, key=lambda row: abs(row.step - SAMPLE_TIME)) for law, found in rows.items() if found}
 
 
 def accurate(rows: list[Row]) -> bool:

@@ -15,6 +15,7 @@ from steer_env.experiments.studies.loop_width import Curves
 from steer_env.experiments.studies.vehicle import Study
 from steer_env.experiments.sweep import Runner, run
 from steer_env.friction.law import law_of
+from steer_env.friction.sites import Sites
 from steer_env.manoeuvres import Manoeuvre
 from steer_env.recording.recording import Recording
 from steer_env.vehicle import cars
@@ -105,7 +106,7 @@ def _of_law(scope: Scope, p: Any, held: bool) -> LawResult:
     return LawResult(
         _drives(scope, p),
         friction_laws.characteristics(p),
-        real_time.accuracy(p, scope.steps),
+        [] if isinstance(p, Sites) else real_time.accuracy(p, scope.steps),  # the other schemes know one contact
         friction_laws.held_torque(car, name) if held and not scope.chassis and name in friction_laws.HELD_LAWS else [],
     )
 

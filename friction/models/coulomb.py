@@ -34,6 +34,11 @@ def torque(p, torque_scale, memory, w):
 
 
 @kernel
+def mean_torque(p, torque_scale, memory, w, h):
+    return torque_scale * p.F_c * math.copysign(1.0, w), 0.0  # (F1), of either side also at rest
+
+
+@kernel
 def solve(p, torque_scale, memory, S, R, h, w_guess):
     return math.copysign(max(abs(R) - torque_scale * p.F_c, 0.0), R) / S  # (F7)
 
@@ -43,6 +48,7 @@ register(
     Coulomb,
     make=make,
     torque=torque,
+    mean_torque=mean_torque,
     solve=solve,
     fitted=("F_c",),
     units={"F_c": "N m"},

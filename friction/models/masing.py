@@ -143,6 +143,30 @@ def solve(p, torque_scale, memory, S, R, h, w_guess):
 
 
 @kernel
+def mean_torque(p, torque_scale, memory, w, h):
+    """Mean of (F5) over the step: a spring that yields at the share s of it keeps its yield from there on."""
+    side = math.copysign(1.0, w)
+    D = abs(w) * h
+    K = 0.0
+    for i in range(p.k.size):
+        K += p.k[i]
+    damping = p.sigma_1 / (K * h)
+    T = 0.0
+    slope = 0.0  # by D
+    for i in range(p.k.size):
+        limit = torque_scale * p.y[i]
+        e = within(memory[i], -limit, limit)  # the torque scale may have fallen since the last step
+        gap = limit - side * e
+        if gap < D:
+            T += side * p.k[i] * (limit + damping * gap - 0.5 * gap * gap / D)
+            slope += 0.5 * p.k[i] * gap * gap / (D * D)
+        else:
+            T += p.k[i] * (e + side * (0.5 + damping) * D)
+            slope += (0.5 + damping) * p.k[i]
+    return T, slope * h
+
+
+@kernel
 def advance(p, torque_scale, memory, w, h):
     D = w * h
     for i in range(p.k.size):
@@ -193,6 +217,7 @@ register(
     torque=torque,
     rate=rate,
     stored_energy=stored_energy,
+    mean_torque=mean_torque,
     solve=solve,
     fitted=Sliders(_of_sliders),
     units={"k": "N m/rad", "y": "rad", "sigma_1": "N m s/rad"},

@@ -61,6 +61,15 @@ def torque(p, torque_scale, memory, w):
 
 
 @kernel
+def mean_torque(p, torque_scale, memory, w, h):
+    x = w / p.v_s
+    bump = torque_scale * (p.F_s - p.F_c) * math.exp(-x * x)
+    side = math.copysign(1.0, w)  # also at rest
+    T = side * (torque_scale * p.F_c + bump) + p.sigma_2 * w  # (F17)
+    return T, p.sigma_2 - 2.0 * abs(x) / p.v_s * bump
+
+
+@kernel
 def solve(p, torque_scale, memory, S, R, h, w_guess):
     """Rest, or the root of (F17) between its bounds, by Newton steps within a bracket."""
     drive = abs(R)
@@ -101,6 +110,7 @@ register(
     Stribeck,
     make=make,
     torque=torque,
+    mean_torque=mean_torque,
     solve=solve,
     steepest_fall=steepest_fall,
     fitted=("F_c",),

@@ -35,6 +35,11 @@ def torque(p, torque_scale, memory, w):
 
 
 @kernel
+def mean_torque(p, torque_scale, memory, w, h):
+    return p.sigma_2 * w, p.sigma_2  # (F2)
+
+
+@kernel
 def solve(p, torque_scale, memory, S, R, h, w_guess):
     return R / (S + p.sigma_2)  # (F7)
 
@@ -44,6 +49,7 @@ register(
     Viscous,
     make=make,
     torque=torque,
+    mean_torque=mean_torque,
     solve=solve,
     fitted=("sigma_2",),
     units={"sigma_2": "N m s/rad"},

@@ -81,6 +81,10 @@ class Registry(Generic[T]):
             self._by_class[parameters] = thing
         return thing
 
+    def know(self, parameters: type, thing: T) -> None:
+        """Make :meth:`of` find a thing by a class, without a name by which it could be chosen."""
+        self._by_class[parameters] = thing
+
     def __getitem__(self, name: str) -> T:
         """The thing called ``name``.
 
@@ -119,10 +123,8 @@ class Registry(Generic[T]):
         try:
             yield
         finally:
-            stays = before | set(self._files())
-            self._things = {name: thing for name, thing in self._things.items() if name in stays}
-            things = list(self._things.values())
-            self._by_class = {kind: thing for kind, thing in self._by_class.items() if thing in things}
+            gone = [self._things.pop(name) for name in set(self._things) - before - set(self._files())]
+            self._by_class = {kind: thing for kind, thing in self._by_class.items() if thing not in gone}
 
     def all(self) -> dict[str, T]:
         """Every thing by name; imports them all."""

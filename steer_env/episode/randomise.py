@@ -14,7 +14,6 @@ import numpy as np
 from steer_env import friction
 from steer_env.courses.preview import PREVIEW_NAMES
 from steer_env.friction import level
-from steer_env.friction.law import parts
 from steer_env.friction.numerics.check import number
 from steer_env.vehicle import cars, step_limit
 from steer_env.vehicle.cars.car import load_rate
@@ -130,7 +129,7 @@ class Randomise:
     ----------
     ranges : mapping
         Keys of ``RANGES`` to (low, high); and under ``"friction"`` a mapping of the law's own parameters, such as
-        ``{"F_c": (0.5, 1.5)}``.
+        ``{"F_c": (0.5, 1.5)}``, of several sites ``{"gear.F_c": (0.5, 1.5)}``.
     law : str, mapping or parameters
         The environment's friction, in a form of ``friction.resolve``. Parameters that are not drawn are those that it
         gives, else the law's defaults.
@@ -163,7 +162,7 @@ class Randomise:
     ) -> None:
         self._limits = limits
         self._usual = undrawn(car, friction.resolve(law), speed)
-        self._name, self._given = parts(law)
+        self._friction = law
         if ranges is None:
             ranges = {}
         if not isinstance(ranges, Mapping):
@@ -195,7 +194,7 @@ class Randomise:
         return low, high
 
     def _make(self, drawn: Mapping[str, float]) -> Any:
-        return friction.make(self._name, **{**self._given, **drawn}) if drawn else self._usual.friction
+        return friction.varied(self._friction, drawn) if drawn else self._usual.friction
 
     def draw(self, rng: np.random.Generator, fixed: Mapping[str, Any]) -> Conditions:
         """Conditions of an episode; ``fixed`` are reset options, which replace what is drawn."""

@@ -10,16 +10,16 @@ step of length h with the mean speeds w1 and w2, equation (C1) is linear and eli
 
     S w2 + mean T_F(w2) = R                                                        (F7)
 
-which the friction law solves. The mean speed w2 is the speed to observe: the midpoint rule is not L-stable, and the
-speeds at the ends of the steps contain the oscillations that it does not damp.
+which the friction law solves; with friction above the bar too there are two (F43). The mean speed w2 is the speed to
+observe: the midpoint rule is not L-stable, and the speeds at the ends of the steps contain the oscillations that it
+does not damp.
 
 Source: two-degree-of-freedom column of the steering-simulator literature, with the damping of the torsion bar added.
 """
 
 from typing import NamedTuple
 
-from steer_env.friction.law import step as law_step
-from steer_env.friction.level import both, chosen
+from steer_env.friction import sites
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle.keys import checked
 
@@ -123,25 +123,20 @@ def step(c, friction, scales, q, memory, robot, hand, hand_speed, T_C, h):
     R = 2.0 * c.I2 / h * q[COLUMN_SPEED] + torsion_bar_torque + T_C
     if robot:
         w1 = (hand - q[HANDWHEEL_ANGLE]) / h
-        R += K * w1  # (C6)
-    else:
-        S -= K * K / a11  # (C5)
-        R += K / a11 * (r1 + hand)  # (C5)
-    torque_scale = chosen(friction, scales, memory, R, h)  # (F11)
-    # (C2) with all but the friction's torque in S and R: S w2 + T_F = R
-    w2, T_F = law_step(friction, torque_scale, memory, S, R, h, q[COLUMN_SPEED])
-    if robot:
+        w2, T_above, T_F = sites.led(friction, scales, memory, w1, S, R + K * w1, h, q[COLUMN_SPEED])  # (C6)
         # (C7)
-        T1 = c.I1 * (hand_speed - q[HANDWHEEL_SPEED]) / h + c.C1 * w1 + torsion_bar_torque + K * (w1 - w2)
+        T1 = c.I1 * (hand_speed - q[HANDWHEEL_SPEED]) / h + c.C1 * w1 + torsion_bar_torque + K * (w1 - w2) + T_above
         q[HANDWHEEL_ANGLE] = hand
         q[HANDWHEEL_SPEED] = hand_speed
     else:
-        w1 = (r1 + hand + K * w2) / a11  # (C7)
+        w1, w2, _, T_F = sites.joint(
+            friction, scales, memory, a11, r1 + hand, K, S, R, h, q[HANDWHEEL_SPEED], q[COLUMN_SPEED]
+        )
         change = 2.0 * (w1 - q[HANDWHEEL_SPEED])
         # (C3) over a step
         T1 = hand - c.I_arm * change / h - c.C_arm * w1 - c.K_arm * (q[HANDWHEEL_ANGLE] + 0.5 * h * w1)
         q[HANDWHEEL_ANGLE] += h * w1
-        q[HANDWHEEL_SPEED] = 2.0 * w1 - q[HANDWHEEL_SPEED]
+        q[HANDWHEEL_SPEED] = 2.0 * w1 - q[HANDWHEEL_SPEED] if w1 != 0.0 else 0.0
     # A sticking contact is at rest at the end of the step and dissipates the remaining momentum (C8).
     q[COLUMN_ANGLE] += h * w2
     q[COLUMN_SPEED] = 2.0 * w2 - q[COLUMN_SPEED] if w2 != 0.0 else 0.0
@@ -151,13 +146,13 @@ def step(c, friction, scales, q, memory, robot, hand, hand_speed, T_C, h):
 @kernel
 def step_torque(c, friction, torque_scale, q, memory, T1, T_C, h):
     """:func:`step` under a hand torque: steering by torque, or free (``T1 = 0``). Returns ``w1, w2, T_F``."""
-    return step(c, friction, both(torque_scale), q, memory, False, T1, 0.0, T_C, h)[:3]
+    return step(c, friction, sites.uniform(friction, torque_scale), q, memory, False, T1, 0.0, T_C, h)[:3]
 
 
 @kernel
 def step_angle(c, friction, torque_scale, q, memory, angle, speed, T_C, h):
     """:func:`step` with a prescribed handwheel angle and speed at its end. Returns ``w1, w2, T_F, T1``."""
-    return step(c, friction, both(torque_scale), q, memory, True, angle, speed, T_C, h)
+    return step(c, friction, sites.uniform(friction, torque_scale), q, memory, True, angle, speed, T_C, h)
 
 
 @kernel

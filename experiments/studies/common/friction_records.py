@@ -18,7 +18,7 @@ from steer_env import friction
 from steer_env.friction import defaults
 from steer_env.friction.identification import periods
 from steer_env.friction.identification.compare import HELD_OUT
-from steer_env.friction.law import law_of
+from steer_env.friction.law import LAWS
 from steer_env.hand_torque import Identified, identify
 from steer_env.recording import friction_checks, friction_record, read
 from steer_env.recording.recording import DEGREE, Recording
@@ -162,4 +162,4 @@ def shares(found: Sequence[Confusion], record: str, noise: float) -> dict[str, d
 
 def fittable(names: Sequence[str]) -> list[str]:
     """The laws that can be fitted to a record."""
-    return [name for name in names if law_of(friction.make(name)).fitted]
+    return [name for name in names if name in LAWS and LAWS[name].fitted]

@@ -20,8 +20,8 @@ from steer_env.connect.fmu.description import STEP_NOTE
 from steer_env.connect.fmu.object_code import PLATFORMS, SOURCE, Processor, module_text, object_code, processor
 from steer_env.connect.variables import Variable, variables, with_road
 from steer_env.friction import law_of
-from steer_env.friction.law import as_mapping
 from steer_env.friction.numerics.check import one_of
+from steer_env.friction.sites import as_mapping
 from steer_env.vehicle import cars, subsystems
 from steer_env.vehicle.subsystems import Subsystem
 from steer_env.vehicle.subsystems.poses import with_poses

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from steer_env.courses.iso3888 import outline
 from steer_env.friction.law import law_of
 from steer_env.friction.numerics.check import positive
+from steer_env.friction.numerics.packing import leaves
 from steer_env.manoeuvres.common.definition import Manoeuvre
 from steer_env.manoeuvres.common.shapes import ramp_and_hold
 from steer_env.recording.recording import Recording
@@ -368,7 +369,9 @@ def drive_plant(
             "chassis": manoeuvre.chassis,
             "tyre": car.tyre.name,
             "friction": law_of(p.friction).name,
-            "friction_parameters": ",".join(f"{key}={_text(value)}" for key, value in p.friction._asdict().items()),
+            "friction_parameters": ",".join(
+                f"{'.'.join(each.path)}={_text(each.value)}" for each in leaves(p.friction)
+            ),
             "speed_m_s": manoeuvre.speed,
             **steered,
             "frequency_hz": manoeuvre.frequency,

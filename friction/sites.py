@@ -1,0 +1,611 @@
+"""Friction at several sites of a column: above the torsion bar, and at four places that turn together below it.
+
+    a w1 + mean T_u(w1) - K w2 = R_1                                  (F43)
+    S w2 + sum of mean T_i(w2) - K w1 = R_2                           (F43)
+
+w1 and w2 are the mean speeds of the handwheel and of the column below the bar over a step, T_u is the torque of the
+site above it, and the sum goes over the sites below. Coulomb's law and its kind are inclusions here, as in (F7). Every
+torque is monotone but for a fall that ``step_limit`` bounds, and K^2 is small beside a S (2e-6 of it at 1 ms, 6e-3 at
+10 ms), so that there is one solution. It is found by solving (F43) for one speed and the other in turn, with the first
+equation made linear in w2 while the second is solved.
+
+Each site has a law and a level of its own. That of the car acts below the bar too; above it, only its factor L_0 does.
+The friction of a gear grows with the torque T_m that the motor sends through it:
+
+    L_+ = L_+ of the car (F11) times L_+ of the site (F11) + L_0 c |T_m|                               (F44)
+    c = c_d where T_m drives the motion, c_b where it is driven back; L_- alike                        (F44)
+"""
+
+import inspect
+import math
+import re
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from steer_env.friction import gear
+from steer_env.friction import law as laws
+from steer_env.friction.law import (
+    LAWS,
+    Law,
+    advance,
+    law_of,
+    mean_torque,
+    newton,
+    rate,
+    rest_torque,
+    solve,
+    stored_energy,
+    torque,
+)
+from steer_env.friction.law import step as law_step
+from steer_env.friction.level import Level, Scales, chosen, held_scale, largest, own_scale
+from steer_env.friction.level import make as make_level
+from steer_env.friction.level import scales as level_scales
+from steer_env.friction.numerics.check import constructed, not_negative, one_of
+from steer_env.friction.numerics.kernel import dispatch, kernel
+
+NOTHING = {"law": "viscous", "sigma_2": 0.0}
+ABOVE, BELOW = "upper_column", ("lower_column", "gear", "rack", "motor")
+TEXT = "LAW[,key=value...]@SITE, several joined by +"  # sites as text
+MOST_ROUNDS = 50
+LEAST = 1e-6  # sliding torque that can grow, assumed [N m]
+CLOSE = 1e-15  # of the torque that an error of w1 adds to the second equation, to S w2 [1]
+
+
+class Site(NamedTuple):
+    """A place of friction."""
+
+    law: Any  # parameters of a friction law
+    level: Level
+    driving: float  # c_d, growth of the level with the motor's torque that drives the motion [1/(N m)]
+    driven: float  # c_b, growth with the motor's torque against the motion [1/(N m)]
+    start: int  # of its memory in that of all sites
+    end: int
+
+
+class Sites(NamedTuple):
+    """Sites of a column; one without friction has a damper of zero."""
+
+    upper_column: Site
+    lower_column: Site
+    gear: Site
+    rack: Site
+    motor: Site
+
+
+class Below(NamedTuple):
+    """The sites below the bar."""
+
+    lower_column: Site
+    gear: Site
+    rack: Site
+    motor: Site
+
+
+class Scaled(NamedTuple):
+    """Factor of each site below the bar on its saturated friction in a step [1]."""
+
+    lower_column: float
+    gear: float
+    rack: float
+    motor: float
+
+
+class SiteScales(NamedTuple):
+    """Factors of each site on its saturated friction by the direction of motion."""
+
+    upper_column: Scales
+    lower_column: Scales
+    gear: Scales
+    rack: Scales
+    motor: Scales
+
+
+def joint(p, scales, memory, a, R1, K, S, R2, h, w1, w2):
+    """One step of (F43) under forces: the mean speeds, and the torques above and below the bar.
+
+    Parameters
+    ----------
+    p : Sites, or parameters of a law, which then sits below the bar
+    scales : SiteScales, or Scales of the one law
+    memory : (M,) array
+        Advanced in place.
+    a, R1, K, S, R2 : float
+        Of (F43) [N m s/rad, N m].
+    h : float
+        Step [s].
+    w1, w2 : float
+        Speeds from which the search begins [rad/s].
+
+    Returns
+    -------
+    w1, w2 : float
+        Mean speeds [rad/s].
+    T_above, T_below : float
+        Mean torques, from (F43), so that the energy balance is exact [N m].
+    """
+    return (_joint if isinstance(p, Sites) else _joint_one)(p, scales, memory, a, R1, K, S, R2, h, w1, w2)
+
+
+def led(p, scales, memory, w1, S, R, h, w2):
+    """One step with the speed ``w1`` prescribed above the bar; ``R`` has K w1 in it. As :func:`joint`.
+
+    Returns
+    -------
+    w2 : float
+    T_above, T_below : float
+    """
+    return (_led if isinstance(p, Sites) else _led_one)(p, scales, memory, w1, S, R, h, w2)
+
+
+@kernel
+def _joint_one(p, scales, memory, a, R1, K, S, R2, h, w1, w2):
+    S -= K * K / a  # (C5)
+    R2 += K / a * R1  # (C5)
+    scale = chosen(p, scales, memory, R2, h)  # (F11)
+    w2, T = law_step(p, scale, memory, S, R2, h, w2)
+    return (R1 + K * w2) / a, w2, 0.0, T  # (C7)
+
+
+@kernel
+def _led_one(p, scales, memory, w1, S, R, h, w2):
+    scale = chosen(p, scales, memory, R, h)  # (F11)
+    w2, T = law_step(p, scale, memory, S, R, h, w2)
+    return w2, 0.0, T
+
+
+@kernel
+def _held(site, scales, memory):
+    return held_scale(site.law, scales, memory[site.start : site.end])
+
+
+@kernel
+def _rest(site, scale, memory, h):
+    return rest_torque(site.law, scale, memory[site.start : site.end], h)
+
+
+@kernel
+def _own(site, scales, held, memory, side, h):
+    return own_scale(site.law, scales, held, _rest(site, held, memory, h), memory[site.start : site.end], side, h)
+
+
+@kernel
+def _advance(site, scale, memory, w, h):
+    advance(site.law, scale, memory[site.start : site.end], w, h)
+
+
+@kernel
+def _mean(site, scale, memory, w, h):
+    return mean_torque(site.law, scale, memory[site.start : site.end], w, h)
+
+
+@kernel
+def _mean_sum(p, L, memory, w, h):
+    """Sum of the mean torques below the bar [N m], and its derivative by the speed [N m s/rad]."""
+    T1, d1 = _mean(p.lower_column, L.lower_column, memory, w, h)
+    T2, d2 = _mean(p.gear, L.gear, memory, w, h)
+    T3, d3 = _mean(p.rack, L.rack, memory, w, h)
+    T4, d4 = _mean(p.motor, L.motor, memory, w, h)
+    return T1 + T2 + T3 + T4, d1 + d2 + d3 + d4
+
+
+@kernel
+def _rest_sum(p, L, memory, h):
+    return (
+        _rest(p.lower_column, L.lower_column, memory, h)
+        + _rest(p.gear, L.gear, memory, h)
+        + _rest(p.rack, L.rack, memory, h)
+        + _rest(p.motor, L.motor, memory, h)
+    )
+
+
+@kernel
+def _advance_sum(p, L, memory, w, h):
+    _advance(p.lower_column, L.lower_column, memory, w, h)
+    _advance(p.gear, L.gear, memory, w, h)
+    _advance(p.rack, L.rack, memory, w, h)
+    _advance(p.motor, L.motor, memory, w, h)
+
+
+@kernel
+def _held_sum(p, scales, memory):
+    """The scale of each site with which its memory is loaded; the memory is cut back to it."""
+    return Scaled(
+        _held(p.lower_column, scales.lower_column, memory),
+        _held(p.gear, scales.gear, memory),
+        _held(p.rack, scales.rack, memory),
+        _held(p.motor, scales.motor, memory),
+    )
+
+
+@kernel
+def _moved(p, L, memory, S, R, h, guess, side):
+    """The speed of a motion to a side, or rest where a set-valued law holds it."""
+    start, _ = mean_torque(p, L, memory, side * 0.0, h)
+    return newton(p, L, memory, S, R, h, guess, start) if side * (R - start) > 0.0 else 0.0
+
+
+@kernel
+def _solved_sum(p, scales, held, rest, memory, S, R, h, guess):
+    """The speed with ``S w`` + the torques below the bar = ``R``, and the scale of each site with which it is so."""
+    if R == rest:
+        return 0.0, held
+    side = 1.0 if R > rest else -1.0
+    L = Scaled(
+        _own(p.lower_column, scales.lower_column, held.lower_column, memory, side, h),
+        _own(p.gear, scales.gear, held.gear, memory, side, h),
+        _own(p.rack, scales.rack, held.rack, memory, side, h),
+        _own(p.motor, scales.motor, held.motor, memory, side, h),
+    )
+    return _moved(p, L, memory, S, R, h, guess, side), L
+
+
+@kernel
+def _joint(p, scales, memory, a, R1, K, S, R2, h, w1, w2):
+    above, own = p.upper_column.law, memory[: p.upper_column.end]
+    below = Below(p.lower_column, p.gear, p.rack, p.motor)
+    held = _held_sum(below, scales, memory)
+    rest = _rest_sum(below, held, memory, h)
+    L = held
+    scale = chosen(above, scales.upper_column, own, R1 + K * w2, h)  # (F11)
+    w1 = solve(above, scale, own, a, R1 + K * w2, h, w1)  # (F43)
+    for _ in range(MOST_ROUNDS):
+        # Above the bar, w1 + slope (w - w2) while the speed w below it is sought.
+        _, steep = mean_torque(above, scale, own, w1, h)
+        slope = K / (a + steep) if w1 != 0.0 else 0.0
+        w, L = _solved_sum(below, scales, held, rest, memory, S - K * slope, R2 + K * (w1 - slope * w2), h, w2)
+        expected = w1 + slope * (w - w2)
+        w2 = w
+        scale = chosen(above, scales.upper_column, own, R1 + K * w2, h)  # (F11)
+        w1 = solve(above, scale, own, a, R1 + K * w2, h, expected)
+        if K * abs(w1 - expected) <= CLOSE * S * abs(w2):
+            break
+    advance(above, scale, own, w1, h)
+    _advance_sum(below, L, memory, w2, h)
+    return w1, w2, R1 + K * w2 - a * w1, R2 + K * w1 - S * w2
+
+
+@kernel
+def _led(p, scales, memory, w1, S, R, h, w2):
+    above, own = p.upper_column.law, memory[: p.upper_column.end]
+    scale = chosen(above, scales.upper_column, own, math.copysign(math.inf, w1), h)  # (F11)
+    moving, _ = mean_torque(above, scale, own, w1, h)
+    T_above = moving if w1 != 0.0 else rest_torque(above, scale, own, h)
+    advance(above, scale, own, w1, h)
+    below = Below(p.lower_column, p.gear, p.rack, p.motor)
+    held = _held_sum(below, scales, memory)
+    w2, L = _solved_sum(below, scales, held, _rest_sum(below, held, memory, h), memory, S, R, h, w2)
+    _advance_sum(below, L, memory, w2, h)
+    return w2, T_above, R - S * w2
+
+
+@kernel
+def _site_scales(site, of_car, base, load, x, motor):
+    """L_+ and L_- of a site (F44)."""
+    own = level_scales(site.level, 1.0, load, x)  # (F11)
+    positive, negative = site.driving, site.driven
+    if motor < 0.0:
+        positive, negative = negative, positive
+    grown = base * abs(motor)
+    return Scales(
+        of_car.positive * own.positive + grown * positive,  # (F44)
+        of_car.negative * own.negative + grown * negative,  # (F44)
+    )
+
+
+@kernel
+def _scales(p, conditions, base, load, x, motor):
+    of_car, above = level_scales(conditions, base, load, x), Scales(base, base)
+    return SiteScales(
+        _site_scales(p.upper_column, above, base, 0.0, x, 0.0),
+        _site_scales(p.lower_column, of_car, base, load, x, motor),
+        _site_scales(p.gear, of_car, base, load, x, motor),
+        _site_scales(p.rack, of_car, base, load, x, motor),
+        _site_scales(p.motor, of_car, base, load, x, motor),
+    )
+
+
+@kernel
+def _scales_one(p, conditions, base, load, x, motor):
+    return level_scales(conditions, base, load, x)
+
+
+def scales(p, conditions, base, load, x, motor):
+    """Factors on the saturated friction by the direction of motion: SiteScales of sites, Scales of one law.
+
+    Parameters
+    ----------
+    p : Sites, or parameters of a law
+    conditions : Level
+        Of the car, which acts at every site below the bar.
+    base : float
+        L_0 [1].
+    load : float
+        Rack force [N].
+    x : float
+        Position of the column [rad].
+    motor : float
+        Torque of the motor on the column [N m].
+    """
+    return (_scales if isinstance(p, Sites) else _scales_one)(p, conditions, base, load, x, motor)
+
+
+@kernel
+def _uniform(p, L):
+    same = Scales(L, L)
+    return SiteScales(same, same, same, same, same)
+
+
+@kernel
+def _uniform_one(p, L):
+    return Scales(L, L)
+
+
+def uniform(p, L):
+    """The same factor everywhere and in both directions, as :func:`scales` gives them."""
+    return (_uniform if isinstance(p, Sites) else _uniform_one)(p, L)
+
+
+_OF_SITES = {"joint": _joint, "led": _led, "scales": _scales, "uniform": _uniform}
+_OF_ONE = {"joint": _joint_one, "led": _led_one, "scales": _scales_one, "uniform": _uniform_one}
+for _point in (joint, led, scales, uniform):
+    dispatch(_point, lambda kind, name: (_OF_SITES if kind is Sites else _OF_ONE)[name])
+
+
+# Sites as one law: all of them in one motion, as if the bar were rigid, at one factor and without their own levels.
+
+
+@kernel
+def _mean_all(p, L, memory, w, h):
+    T, slope = _mean_sum(Below(p.lower_column, p.gear, p.rack, p.motor), Scaled(L, L, L, L), memory, w, h)
+    above, steep = _mean(p.upper_column, L, memory, w, h)
+    return above + T, steep + slope
+
+
+@kernel
+def _rest_all(p, L, memory, h):
+    below = Below(p.lower_column, p.gear, p.rack, p.motor)
+    return _rest(p.upper_column, L, memory, h) + _rest_sum(below, Scaled(L, L, L, L), memory, h)
+
+
+@kernel
+def _advance_all(p, L, memory, w, h):
+    _advance(p.upper_column, L, memory, w, h)
+    _advance_sum(Below(p.lower_column, p.gear, p.rack, p.motor), Scaled(L, L, L, L), memory, w, h)
+
+
+@kernel
+def _solve_all(p, L, memory, S, R, h, w_guess):
+    rest = _rest_all(p, L, memory, h)
+    return _moved(p, L, memory, S, R, h, w_guess, 1.0 if R > rest else -1.0) if R != rest else 0.0
+
+
+@kernel
+def _torque_of(site, L, memory, w):
+    return torque(site.law, L, memory[site.start : site.end], w)
+
+
+@kernel
+def _torque_all(p, L, memory, w):
+    return (
+        _torque_of(p.upper_column, L, memory, w)
+        + _torque_of(p.lower_column, L, memory, w)
+        + _torque_of(p.gear, L, memory, w)
+        + _torque_of(p.rack, L, memory, w)
+        + _torque_of(p.motor, L, memory, w)
+    )
+
+
+@kernel
+def _rate_of(site, L, memory, w, out):
+    rate(site.law, L, memory[site.start : site.end], w, out[site.start : site.end])
+
+
+@kernel
+def _rate_all(p, L, memory, w, out):
+    _rate_of(p.upper_column, L, memory, w, out)
+    _rate_of(p.lower_column, L, memory, w, out)
+    _rate_of(p.gear, L, memory, w, out)
+    _rate_of(p.rack, L, memory, w, out)
+    _rate_of(p.motor, L, memory, w, out)
+
+
+@kernel
+def _stored_in(site, memory):
+    return stored_energy(site.law, memory[site.start : site.end])
+
+
+@kernel
+def _stored_in_all(p, memory):
+    return (
+        _stored_in(p.upper_column, memory)
+        + _stored_in(p.lower_column, memory)
+        + _stored_in(p.gear, memory)
+        + _stored_in(p.rack, memory)
+        + _stored_in(p.motor, memory)
+    )
+
+
+def _steepest_fall(p: Sites, torque_scale: float, h: float) -> float:
+    return sum(law_of(site.law).steepest_fall(site.law, torque_scale, h) for site in p)
+
+
+def sliding_torque(p: Any) -> float:
+    """Steady torque of a law at a speed of nearly zero, after a long way [N m]."""
+    memory = np.zeros(law_of(p).memory_size(p))
+    advance(p, 1.0, memory, 1e-3, 1e3)
+    return float(torque(p, 1.0, memory, 1e-9))
+
+
+def make_sites(given: Mapping[str, Any]) -> Sites:
+    """Sites from a mapping of their names to laws.
+
+    Parameters
+    ----------
+    given : mapping
+        Of names of sites. A value is a law in a form of :func:`steer_env.friction.law.resolve`, which beside the law's
+        own parameters may have keywords of :func:`steer_env.friction.level.make` and, at the gear,
+        ``efficiency``: one number for both directions, two for driving and for being driven back, or a mapping of
+        the arguments of :func:`steer_env.friction.gear.worm`; or, in its place, ``driving`` and ``driven``, c_d and c_b
+        of (F44).
+
+    Raises
+    ------
+    ValueError
+        An unknown site, a law that cannot sit at one, or a value that is refused, with the name of the site.
+    """
+    if not given:
+        raise ValueError(f"friction needs a site; there are {', '.join((ABOVE, *BELOW))}")
+    for name in given:
+        one_of("a site of friction", name, (ABOVE, *BELOW))
+    sites, start = [], 0
+    for name in (ABOVE, *BELOW):
+        try:
+            site = _site(name, given.get(name, NOTHING), start)
+        except ValueError as error:
+            raise ValueError(f"friction at {name}: {error}") from None
+        sites.append(site)
+        start = site.end
+    return Sites(*sites)
+
+
+_OF_GEAR = {"efficiency", "driving", "driven"}
+_OWN_KEYS = {*inspect.signature(make_level).parameters, *_OF_GEAR}
+
+
+def _site(name: str, given: Any, start: int) -> Site:
+    law, keys = laws.parts(given)
+    own = {key: keys.pop(key) for key in _OWN_KEYS & keys.keys()}
+    p = laws.resolve({"law": law, **keys})
+    if law_of(p).mean_torque is None:
+        raise ValueError(f"the law {law!r} has no mean_torque, which a site needs")
+    of_gear = sorted(_OF_GEAR & own.keys())
+    if of_gear and name != "gear":
+        raise ValueError(f"{of_gear[0]} is that of the gear")
+    driving, driven = (not_negative(key, own.pop(key, 0.0)) for key in ("driving", "driven"))
+    if "efficiency" in own:
+        if driving or driven:
+            raise ValueError("give the efficiency, or driving and driven, which follow from it")
+        driving, driven = _growth(gear.efficiency(own.pop("efficiency")), p)
+    level = constructed("level", make_level, own)
+    return Site(p, level, driving, driven, start, start + law_of(p).memory_size(p))
+
+
+def _growth(efficiency: gear.Efficiency, p: Any) -> tuple[float, float]:
+    """c_d and c_b of (F44): a motor torque of 1 N m adds 1 - eta_d where it drives, 1/eta_b - 1 where it is driven."""
+    F = sliding_torque(p)
+    if not F > LEAST:
+        raise ValueError(f"friction law {law_of(p).name!r} has no sliding torque that could grow with the load")
+    return (1.0 - efficiency.driving) / F, (1.0 / efficiency.driven - 1.0) / F
+
+
+_TOGETHER = Law(
+    name="sites",
+    parameters=Sites,
+    make=make_sites,
+    memory_size=lambda p: p.motor.end,
+    fitted=(),
+    units={},
+    steepest_fall=_steepest_fall,
+    relaxes=True,  # some of them do
+    modes=lambda p: 0,
+    permission=lambda p: {},
+    extends="",
+    advance=_advance_all,
+    torque=_torque_all,
+    rate=_rate_all,
+    stored_energy=_stored_in_all,
+    mean_torque=_mean_all,
+    solve=_solve_all,
+    rest_torque=_rest_all,
+)
+LAWS.know(Sites, _TOGETHER)
+LAWS.know(Below, _TOGETHER._replace(parameters=Below, mean_torque=_mean_sum))
+
+
+def falls(p: Any, conditions: Level, base: float, load: float, motor: float, h: float) -> tuple[float, float]:
+    """The largest decrease of the mean torque with the speed, above and below the torsion bar [N m s/rad].
+
+    Of all laws below the bar together, at the largest level of each of them under these loads, which are those of
+    :func:`scales`; ``h`` is the step [s].
+    """
+    if not isinstance(p, Sites):
+        return 0.0, law_of(p).steepest_fall(p, largest(conditions, base, load), h)
+    of_car, found = largest(conditions, base, load), []
+    for site, of_all, pressed in zip(p, (base, *[of_car] * len(BELOW)), (0.0, *[load] * len(BELOW))):
+        scale = of_all * largest(site.level, 1.0, pressed) + base * max(site.driving, site.driven) * motor  # (F44)
+        found.append(law_of(site.law).steepest_fall(site.law, scale, h))
+    return found[0], sum(found[1:])
+
+
+def resolve(friction: Any) -> Any:
+    """Parameters of a law, or sites, from every form in which friction may be given.
+
+    Parameters
+    ----------
+    friction : str, mapping, parameters or Sites
+        A law as :func:`steer_env.friction.law.resolve` takes it, which then sits below the torsion bar; a mapping of
+        sites as :func:`make_sites` takes it, or as text, ``"masing,efficiency=0.88@gear+coulomb@upper_column"``; or
+        sites, which are returned unchanged.
+
+    Raises
+    ------
+    ValueError
+        As of these functions.
+    """
+    if isinstance(friction, Sites):
+        return friction
+    if isinstance(friction, Mapping) and "law" not in friction:
+        return make_sites(friction)
+    if isinstance(friction, str) and "@" in friction:
+        return make_sites(_of_text(friction))
+    return laws.resolve(friction)
+
+
+def _of_text(text: str) -> dict[str, Any]:
+    """Sites from ``LAW[,key=value...]@SITE``, several of them joined by ``+``."""
+    pieces = re.findall(r"(?:^|\+)([^@]+)@([a-z_]+)(?=\+|$)", text)
+    if "+".join(map("@".join, pieces)) != text or len({site for _, site in pieces}) < len(pieces):
+        raise ValueError(f"expected {TEXT}, each site once, got {text!r}")
+    return {site: law for law, site in pieces}
+
+
+def as_mapping(p: Any) -> dict[str, Any]:
+    """The mapping that :func:`resolve` turns into these parameters again, of what JSON holds without loss."""
+    if not isinstance(p, Sites):
+        return laws.as_mapping(p)
+    found = {}
+    for name, site in zip(p._fields, p):
+        own = {key: value for key, value in site.level._asdict().items() if value != getattr(Level(), key)}
+        growth = {key: getattr(site, key) for key in ("driving", "driven") if getattr(site, key)}
+        law = laws.as_mapping(site.law)
+        if law != NOTHING:
+            found[name] = {**law, **own, **growth}
+    return found
+
+
+def varied(friction: Any, values: Mapping[str, float]) -> Any:
+    """Friction in a form of :func:`resolve` with other values of its parameters.
+
+    Parameters
+    ----------
+    values : mapping
+        Parameters of the law; of sites ``SITE.PARAMETER``.
+
+    Raises
+    ------
+    ValueError
+        As of :func:`resolve`, and for a site that this friction does not have.
+    """
+    p = resolve(friction)
+    if not isinstance(p, Sites):
+        name, given = laws.parts(friction)
+        return laws.make(name, **{**given, **values})
+    given = as_mapping(p)
+    for key, value in values.items():
+        site, _, name = key.partition(".")
+        one_of("the site of friction", site, tuple(given))
+        given[site] = {**given[site], name: value}
+    return make_sites(given)

@@ -1,0 +1,52 @@
+"""The study of where friction sits, and a report with two sites."""
+
+import json
+
+import pytest
+
+from steer_env.experiments.cli.main import main
+from steer_env.experiments.studies.friction_sites import ABOVE, BASE, EQUAL_LOSS, EQUAL_TORQUE, GEAR
+from tests.experiments.first_screen import sentence
+
+pytestmark = pytest.mark.whole
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """The page and its numbers."""
+    out = tmp_path_factory.mktemp("made") / "sites"
+    assert main(["study", "friction-sites", "--out", str(out)]) == 0
+    return (out / "index.html").read_text(encoding="utf-8"), json.loads((out / "friction-sites.json").read_text())
+
+
+def test_with_equal_loss_the_loops_are_alike(made):
+    areas = made[1]["differences"][EQUAL_LOSS]["weave: loop area"]
+    assert all(abs(areas[site]["share"]) < 1e-3 for site in (ABOVE, GEAR))
+
+
+def test_friction_above_the_bar_leaves_the_angle_alone(made):
+    """With the handwheel prescribed the column moves as it does without it; below the bar it lags and is held back."""
+    found = made[1]["response_per_s"]
+    assert abs(found["above"][0]) < 1e-6 < -1e-2 * found["below"][0]
+
+
+def test_published_signs(made):
+    """Friction above the bar widens the dead band of torque more; other than published, it also costs more response."""
+    band, response = made[1]["torque_deadband_nm"], made[1]["response_deg_s_nm"]
+    assert band["above"][1] > band["below"][2] > 0.0
+    assert response["above"][2] < response["below"][1] < 0.0
+
+
+def test_the_page_says_what_to_measure(made):
+    page, numbers = made
+    assert "metrics tell friction above the torsion bar from friction below" in sentence(page)
+    torques = numbers["sliding_torque_nm"]
+    assert torques[EQUAL_LOSS][BASE] == torques[EQUAL_TORQUE][BASE] > torques[EQUAL_LOSS][GEAR]
+
+
+def test_a_report_drives_two_sites(tmp_path):
+    words = ["--friction", "lugre", "masing@gear+coulomb,F_c=0.05@upper_column", "--out", str(tmp_path / "report")]
+    assert main(["report", *words]) == 0
+    metrics = json.loads((tmp_path / "report" / "metrics.json").read_text())["metrics"]
+    alone, two = metrics["lugre"], metrics["masing@gear+coulomb,F_c=0.05@upper_column"]
+    assert two["torque_at_0g"]["value"] > alone["torque_at_0g"]["value"]

@@ -1,0 +1,224 @@
+"""Friction above and below the torsion bar, and a gear's growth with its load."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from steer_env import friction
+from steer_env.friction import gear, law, sites
+from steer_env.friction.level import Level
+from steer_env.testing import friction_law
+from steer_env.vehicle.steering import column
+
+C = column.make(C1=0.05)
+LAWS = friction.available()
+PAIRS = list(zip(LAWS, (*LAWS[3:], *LAWS[:3])))  # above and below the bar: every law once at each
+ROAD = 20.0  # stiffness of a road spring at the column [N m/rad]
+
+
+def at_rest(p):
+    return np.zeros(law.law_of(p).memory_size(p))
+
+
+def driven(p, torque, h, steps, load=0.0, motor=0.0, q=None):
+    """Rows (T, 6) of angles, speeds and both friction torques under a hand torque, and the work that is lost [J]."""
+    q = np.zeros(4) if q is None else q
+    memory, rows, off = at_rest(p), [], 0.0
+    for i in range(steps):
+        scales = sites.scales(p, Level(), 1.0, load, q[column.COLUMN_ANGLE], motor)
+        before, road = column.energy(C, q), -ROAD * q[column.COLUMN_ANGLE]
+        hand = torque((i + 0.5) * h)
+        start = q.copy()
+        w1, w2, T_F, _ = column.step(C, p, scales, q, memory, False, hand, 0.0, road + motor, h)
+        above = _above(start, q, w1, w2, hand, h)
+        lost = (C.C1 * w1**2 + C.C_tb * (w1 - w2) ** 2 + C.C2 * w2**2 + above * w1 + T_F * w2) * h
+        # A sticking contact dissipates the momentum that is left (C8).
+        lost += 0.5 * C.I1 * start[1] ** 2 * (w1 == 0.0) + 0.5 * C.I2 * start[3] ** 2 * (w2 == 0.0)
+        off = max(off, abs(column.energy(C, q) - before - (hand * w1 + (road + motor) * w2) * h + lost))
+        rows.append((q[0], q[2], w1, w2, above, T_F))
+    return np.array(rows), off, memory
+
+
+def _above(start, end, w1, w2, hand, h):
+    """The torque above the bar, from the momentum of the handwheel."""
+    twist = 0.5 * (start[0] + end[0] - start[2] - end[2])
+    return hand - C.I1 * 2.0 * (w1 - start[1]) / h - C.C1 * w1 - C.C_tb * (w1 - w2) - C.K_tb * twist
+
+
+def wave(t):
+    return 3.0 * math.sin(2.0 * math.pi * t)
+
+
+@pytest.mark.parametrize("name", ["coulomb", "elasto_plastic", "lugre", "masing"])
+def test_one_site_below_the_bar_is_the_law_alone(name):
+    one, alone = friction.resolve({"gear": name}), friction.make(name)
+    np.testing.assert_allclose(driven(one, wave, 1e-3, 1500)[0], driven(alone, wave, 1e-3, 1500)[0], atol=1e-9)
+
+
+@pytest.mark.parametrize(("above", "below"), PAIRS)
+def test_balance_symmetry_and_bounds(above, below):
+    """Energy to rounding at 1 ms, the mirrored drive to the bit, and no growth at 10 ms."""
+    p = friction.resolve({"upper_column": above, "rack": below})
+    rows, off, _ = driven(p, wave, 1e-3, 1500)
+    assert off < 1e-12
+    mirrored, _, _ = driven(p, lambda t: -wave(t), 1e-3, 1500)
+    np.testing.assert_array_equal(mirrored, -rows)
+    coarse, _, _ = driven(p, wave, 1e-2, 300)
+    assert np.abs(coarse[:, :2]).max() < 2.0 * np.abs(rows[:, :2]).max()
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.sampled_from(PAIRS), st.integers(0, 2**32 - 1), st.sampled_from([1e-3, 1e-2]))
+def test_both_step_equations_are_solved(pair, seed, h):
+    """The torque that each step equation leaves is the law's own mean torque at the speed that was found."""
+    rng, (above, below) = np.random.default_rng(seed), pair
+    p = friction.resolve({"upper_column": above, "rack": below})
+    memory = at_rest(p)
+    a, S, K = (2.0 * 0.037 / h, 2.0 * 0.052 / h, 0.07 + 65.0 * h)
+    for side, fall in zip((0, 1), sites.falls(p, Level(), 1.0, 0.0, 0.0, h)):
+        a, S = (a + fall, S) if side == 0 else (a, S + fall)
+    scales = sites.scales(p, Level(), 1.0, 0.0, 0.0, 0.0)
+    for _ in range(20):
+        R1, R2 = rng.normal(0.0, 10.0 ** rng.uniform(-2, 1.5), 2)
+        before = memory.copy()
+        w1, w2, *T = sites.joint(p, scales, memory, a + K, R1, K, S + K, R2, h, *rng.normal(0.0, 1.0, 2))
+        for w, found, site in zip((w1, w2), T, (p.upper_column, p.rack)):
+            own = before[site.start : site.end]
+            if w == 0.0:
+                ends = [law.mean_torque(site.law, 1.0, own, side, h)[0] for side in (-0.0, 0.0)]
+                assert min(ends) - 1e-9 <= found <= max(ends) + 1e-9
+            else:
+                assert found == pytest.approx(law.mean_torque(site.law, 1.0, own, w, h)[0], rel=1e-7, abs=1e-7)
+
+
+def test_second_order():
+    """Against DOP853 of the differential equations: a hundredth of the step, a ten-thousandth of the error."""
+    p = friction.resolve({"upper_column": "lugre,F_c=0.4", "gear": "dahl", "rack": "viscous"})
+    sizes = [(s.start, s.end) for s in p]
+
+    def derivative(t, x):
+        q, m = x[:4], x[4:]
+        T, rates = [], np.zeros(m.size)
+        for site, (i, j), w in zip(p, sizes, (q[1], *[q[3]] * 4)):
+            T.append(law.torque(site.law, 1.0, m[i:j], w))
+            law.rate(site.law, 1.0, m[i:j], w, rates[i:j])
+        bar = C.K_tb * (q[0] - q[2]) + C.C_tb * (q[1] - q[3])
+        return [
+            q[1],
+            (wave(t) - C.C1 * q[1] - bar - T[0]) / C.I1,
+            q[3],
+            (bar - C.C2 * q[3] - ROAD * q[2] - sum(T[1:])) / C.I2,
+            *rates,
+        ]
+
+    end = solve_ivp(derivative, (0.0, 0.5), np.zeros(4 + p.motor.end), "DOP853", rtol=1e-11, atol=1e-13).y[[0, 2], -1]
+    errors = [np.abs(_centred(p, h) - end).max() for h in (1e-3, 1e-4)]
+    assert errors[0] < 2e-5
+    assert errors[1] < 0.02 * errors[0]
+
+
+def _centred(p, h):
+    """Angles after 0.5 s with the road's torque at the middle of each step, as the plant extrapolates it."""
+    q, memory = np.zeros(4), at_rest(p)
+    scales = sites.scales(p, Level(), 1.0, 0.0, 0.0, 0.0)
+    for i in range(round(0.5 / h)):
+        road = -ROAD * (q[2] + 0.5 * h * q[3])
+        column.step(C, p, scales, q, memory, False, _mean_wave(i * h, h), 0.0, road, h)
+    return q[[0, 2]]
+
+
+def _mean_wave(t, h):
+    omega = 2.0 * math.pi
+    return 3.0 * (math.cos(omega * t) - math.cos(omega * (t + h))) / (omega * h)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("motor", [4.0, -4.0])
+def test_a_worm_gear_slides_with_its_efficiencies(side, motor):
+    """Friction in settled sliding at a constant load: what the textbook's efficiencies leave, plus the preload."""
+    found = gear.worm(0.25, 0.05)
+    p = friction.resolve(
+        {"gear": {"law": "masing", "F_c": 0.5, "efficiency": {"lead_angle": 0.25, "friction_coefficient": 0.05}}}
+    )
+    scales, memory = sites.scales(p, Level(), 1.0, 0.0, 0.0, motor), at_rest(p)
+    for _ in range(200):
+        w, _, T = sites.led(p, scales, memory, 0.0, 100.0, 100.0 * side, 1e-3, 0.0)
+    assert side * w > 0.9
+    # The motor's torque less friction is the output; driven back, the input less friction is what the motor holds.
+    growth = abs(motor) * (1.0 - found.driving if side * motor > 0.0 else 1.0 / found.driven - 1.0)
+    assert T == pytest.approx(side * (0.5 + growth), rel=1e-9)
+
+
+def test_efficiencies_of_a_worm_are_those_of_statics():
+    """Forces on a flank of a worm: resolved along the axes, without the formula."""
+    g, mu, a = 0.25, 0.05, math.radians(20.0)
+    along, across = math.cos(g), math.sin(g)
+    n, friction_force = math.cos(a), mu
+    driving = (n * along - friction_force * across) / (n * across + friction_force * along) * math.tan(g)
+    driven_back = (n * across - friction_force * along) / (n * along + friction_force * across) / math.tan(g)
+    assert gear.worm(g, mu) == pytest.approx((driving, driven_back), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"belt": "lugre"}, "a site of friction must be"),
+        ({}, "needs a site"),
+        ({"gear": "stiction"}, "friction at gear: .*unknown friction law"),
+        ({"gear": {"law": "masing", "efficiency": 1.2}}, "friction at gear: efficiency must be .* at most 1, got 1.2"),
+        ({"gear": {"law": "masing", "efficiency": [0.9, 0.0]}}, "locks itself"),
+        (
+            {"gear": {"law": "masing", "efficiency": {"lead_angle": 0.1, "friction_coefficient": 0.2}}},
+            "friction_coefficient must be less than 0.09428",
+        ),
+        ({"rack": {"law": "masing", "efficiency": 0.9}}, "friction at rack: efficiency is that of the gear"),
+        ({"rack": {"law": "masing", "load": -1e-4}}, "friction at rack: load"),
+        ({"gear": {"law": "viscous", "efficiency": 0.9}}, "has no sliding torque"),
+        ({"gear": {"law": "masing", "tooth": 3}}, "friction at gear: .*no parameter 'tooth'"),
+    ],
+)
+def test_what_is_refused(given, message):
+    with pytest.raises(ValueError, match=message):
+        friction.resolve(given)
+
+
+def test_a_mapping_repeats_the_sites():
+    given = {
+        "upper_column": {"law": "coulomb", "F_c": 0.05, "asymmetry": 0.1},
+        "gear": {"law": "masing", "elements": 4, "efficiency": [0.9, 0.85], "temperature_rate": 0.01},
+        "rack": {"law": "lugre", "load": 2e-4},
+    }
+    p = friction.resolve(given)
+    again = friction.resolve(friction.as_mapping(p))
+    assert repr(again) == repr(p)
+
+
+@pytest.mark.parametrize(
+    "check",
+    [
+        friction_law.check_step_equation,
+        friction_law.check_mean_torque,
+        friction_law.check_odd_symmetry,
+        friction_law.check_passivity,
+        friction_law.check_rate,
+        friction_law.check_semigroup,
+    ],
+)
+def test_sites_in_one_motion_are_a_law(check):
+    check(friction.resolve("lugre@gear+dahl,F_c=0.3@upper_column+viscous@motor"))
+
+
+def test_sites_as_text():
+    text = friction.resolve("masing,elements=4,efficiency=0.9:0.85@gear+coulomb,F_c=5e-2@upper_column")
+    mapping = {
+        "gear": {"law": "masing", "elements": 4, "efficiency": [0.9, 0.85]},
+        "upper_column": {"law": "coulomb", "F_c": 0.05},
+    }
+    assert repr(text) == repr(friction.resolve(mapping))
+    for bad in ("lugre@gear+", "lugre@gear+dahl@gear", "lugre@", "@gear", "lugre@gear@rack"):
+        with pytest.raises(ValueError, match="each site once"):
+            friction.resolve(bad)
