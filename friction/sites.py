@@ -93,6 +93,17 @@ class Scaled(NamedTuple):
     motor: float
 
 
+class Step(NamedTuple):
+    """The two step equations (F43)."""
+
+    a: float  # above the bar [N m s/rad]
+    R1: float  # [N m]
+    K: float  # of the bar [N m s/rad]
+    S: float  # below it [N m s/rad]
+    R2: float  # [N m]
+    h: float  # [s]
+
+
 class SiteScales(NamedTuple):
     """Factors of each site on its saturated friction by the direction of motion."""
 
@@ -103,7 +114,7 @@ class SiteScales(NamedTuple):
     motor: Scales
 
 
-def joint(p, scales, memory, a, R1, K, S, R2, h, w1, w2):
+def joint(p, scales, memory, step, w1, w2):
     """One step of (F43) under forces: the mean speeds, and the torques above and below the bar.
 
     Parameters
@@ -112,10 +123,7 @@ def joint(p, scales, memory, a, R1, K, S, R2, h, w1, w2):
     scales : SiteScales, or Scales of the one law
     memory : (M,) array
         Advanced in place.
-    a, R1, K, S, R2 : float
-        Of (F43) [N m s/rad, N m].
-    h : float
-        Step [s].
+    step : Step
     w1, w2 : float
         Speeds from which the search begins [rad/s].
 
@@ -126,7 +134,7 @@ def joint(p, scales, memory, a, R1, K, S, R2, h, w1, w2):
     T_above, T_below : float
         Mean torques, from (F43), so that the energy balance is exact [N m].
     """
-    return (_joint if isinstance(p, Sites) else _joint_one)(p, scales, memory, a, R1, K, S, R2, h, w1, w2)
+    return (_joint if isinstance(p, Sites) else _joint_one)(p, scales, memory, step, w1, w2)
 
 
 def led(p, scales, memory, w1, S, R, h, w2):
@@ -141,7 +149,8 @@ def led(p, scales, memory, w1, S, R, h, w2):
 
 
 @kernel
-def _joint_one(p, scales, memory, a, R1, K, S, R2, h, w1, w2):
+def _joint_one(p, scales, memory, step, w1, w2):
+    a, R1, K, S, R2, h = step
     S -= K * K / a  # (C5)
     R2 += K / a * R1  # (C5)
     scale = chosen(p, scales, memory, R2, h)  # (F11)
@@ -243,7 +252,8 @@ def _solved_sum(p, scales, held, rest, memory, S, R, h, guess):
 
 
 @kernel
-def _joint(p, scales, memory, a, R1, K, S, R2, h, w1, w2):
+def _joint(p, scales, memory, step, w1, w2):
+    a, R1, K, S, R2, h = step
     above, own = p.upper_column.law, memory[: p.upper_column.end]
     below = Below(p.lower_column, p.gear, p.rack, p.motor)
     held = _held_sum(below, scales, memory)

@@ -56,9 +56,9 @@ class Site(NamedTuple):
 class Claim(NamedTuple):
     """A quantity without friction, and what friction at two places changes of it."""
 
-    without: float
-    below: tuple[float, float, float]  # with the friction below the bar less without: mean and 95 % interval
-    above: tuple[float, float, float]
+    without: float  # [unit of the quantity]
+    below: tuple[float, float, float]  # with friction below the bar less without: mean, 95 % interval [unit of it]
+    above: tuple[float, float, float]  # with friction above the bar [unit of it]
 
 
 class Results(NamedTuple):

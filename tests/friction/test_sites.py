@@ -85,7 +85,8 @@ def test_both_step_equations_are_solved(pair, seed, h):
     for _ in range(20):
         R1, R2 = rng.normal(0.0, 10.0 ** rng.uniform(-2, 1.5), 2)
         before = memory.copy()
-        w1, w2, *T = sites.joint(p, scales, memory, a + K, R1, K, S + K, R2, h, *rng.normal(0.0, 1.0, 2))
+        step = sites.Step(a + K, R1, K, S + K, R2, h)
+        w1, w2, *T = sites.joint(p, scales, memory, step, *rng.normal(0.0, 1.0, 2))
         for w, found, site in zip((w1, w2), T, (p.upper_column, p.rack)):
             own = before[site.start : site.end]
             if w == 0.0:

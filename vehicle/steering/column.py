@@ -129,9 +129,8 @@ def step(c, friction, scales, q, memory, robot, hand, hand_speed, T_C, h):
         q[HANDWHEEL_ANGLE] = hand
         q[HANDWHEEL_SPEED] = hand_speed
     else:
-        w1, w2, _, T_F = sites.joint(
-            friction, scales, memory, a11, r1 + hand, K, S, R, h, q[HANDWHEEL_SPEED], q[COLUMN_SPEED]
-        )
+        both = sites.Step(a11, r1 + hand, K, S, R, h)
+        w1, w2, _, T_F = sites.joint(friction, scales, memory, both, q[HANDWHEEL_SPEED], q[COLUMN_SPEED])
         change = 2.0 * (w1 - q[HANDWHEEL_SPEED])
         # (C3) over a step
         T1 = hand - c.I_arm * change / h - c.C_arm * w1 - c.K_arm * (q[HANDWHEEL_ANGLE] + 0.5 * h * w1)
