@@ -383,6 +383,8 @@ async function steerDrive(declared) {
     },
     anew: () => {
       log.begin();
+      acted.clear();
+      if (find("policy").value) acted.add(find("policy").value);
       tell("The recording begins anew.");
     },
     save: () => {
@@ -406,12 +408,16 @@ async function steerDrive(declared) {
     worker.postMessage({ road: { origin: [origin.x, origin.y, origin.yaw], course: find("course").value } });
   }
 
+  /** Policies of the recording. @type {Set<string>} */
+  const acted = new Set();
+
   /** Let a policy drive or assist, or nobody. @param {string} id */
   async function beside(id) {
     const listed = declared.policies.find((/** @type {any} */ each) => each.id === id) ?? null;
     const policy = listed && await load.policy(listed.file);
     if (find("policy").value !== id) return;  // another one was chosen while this was loaded
     worker.postMessage({ policy });
+    if (id) acted.add(id);
     const speeds = listed?.speeds?.map((/** @type {number} */ v) => Math.round(3.6 * v)).join(" to ");
     find("about").textContent = listed ? `${listed.about} Trained with ${spaced(listed.law)}${speeds ? `, ${speeds} km/h` : ""}. ` +
       (listed.role === "driver" ? "It drives by the torque of its hands; another car takes over once you hold the wheel."
@@ -442,7 +448,7 @@ async function steerDrive(declared) {
     return log.text({
       ...(manoeuvre ? { manoeuvre } : {}), ...recording.meta, steering_ratio: ratio, chassis: of.chassis, friction: of.law,
       page: `steer-env explore ${declared.version}`, speed_m_s: values[declared.speed.name] / 3.6,
-      device: told.device, motor: false, ...(find("policy").value ? { policy: find("policy").value } : {}),
+      device: told.device, motor: false, ...(acted.size ? { policies: [...acted] } : {}),
       sets: cars.map((car) => ({ label: car.label, car: recording.meta.vehicle, law: car.of.law, chassis: car.of.chassis,
         address: address.written(car.of) })),
     }, flat);
@@ -461,6 +467,11 @@ async function steerDrive(declared) {
     .find((/** @type {Field} */ q) => q.name === find("differs").value);
 
   async function beginTest() {
+    if (find("policy").value) {
+      tell("What you notice is tested without a policy: choose none first.");
+      return;
+    }
+    find("policy").disabled = true;
     const field = differing(), value = cars[0].values[field.name];
     const upward = field.high - value >= value - field.low;
     blind = { field, value, room: upward ? field.high - value : field.low - value, stairs: new staircases.Staircase(), x: 0, y: 0 };
@@ -505,6 +516,7 @@ async function steerDrive(declared) {
       `${device}${device === "wheel" ? " without torque" : ", without torque in the hands"}; it says nothing about other drivers.`;
     steerDriven.threshold = many ? { low: low * size, middle: middle * size, high: high * size, trials: many } : null;
     blind = null;
+    find("policy").disabled = false;
     find("differs").disabled = false;
     find("test").textContent = "Begin the test";
     for (const button of document.querySelectorAll("[data-command^=more]")) /** @type {any} */ (button).disabled = true;

@@ -181,7 +181,8 @@ async function steerDeclared(declared) {
   function figured(x, y, large, title) {
     const figure = document.createElement("figure"), caption = document.createElement("figcaption");
     const host = document.createElement("div"), [across, up] = [x, y].map((each) => drives.drawn[each]);
-    const axis = (/** @type {any} */ each) => `${each.label} [${each.unit}]`;
+    // A small picture has room for the last word; its caption has them all.
+    const axis = (/** @type {any} */ each) => `${large ? each.label : each.label.split(" ").at(-1)} [${each.unit}]`;
     caption.textContent = title ?? `${up.label[0].toUpperCase()}${up.label.slice(1)} over ${across.label}`;
     caption.id = `picture-${++figures}`;
     host.setAttribute("role", "img");
