@@ -567,7 +567,7 @@ def resolve(friction: Any) -> Any:
     """
     if isinstance(friction, Sites):
         return friction
-    if isinstance(friction, Mapping) and "law" not in friction:
+    if isinstance(friction, Mapping) and friction.keys() & {ABOVE, *BELOW}:
         return make_sites(friction)
     if isinstance(friction, str) and "@" in friction:
         return make_sites(_of_text(friction))

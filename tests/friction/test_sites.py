@@ -167,8 +167,7 @@ def test_efficiencies_of_a_worm_are_those_of_statics():
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"belt": "lugre"}, "a site of friction must be"),
-        ({}, "needs a site"),
+        ({"gear": "lugre", "belt": "lugre"}, "a site of friction must be"),
         ({"gear": "stiction"}, "friction at gear: .*unknown friction law"),
         ({"gear": {"law": "masing", "efficiency": 1.2}}, "friction at gear: efficiency must be .* at most 1, got 1.2"),
         ({"gear": {"law": "masing", "efficiency": [0.9, 0.0]}}, "locks itself"),

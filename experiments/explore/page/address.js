@@ -7,8 +7,15 @@
 /** @typedef {CarShown & {manoeuvre: string}} Shown what is driven */
 /** @typedef {{law: string, chassis: string, manoeuvre: string}} Choices */
 
-function steerAddress() {
+/** @param {any} declared */
+function steerAddress(declared) {
   const PINS = ["A", "B", "C"];
+  /** What there is to choose from; a page begins with the first. @type {Record<keyof Choices, string[]>} */
+  const known = {
+    law: declared.laws.map((/** @type {any} */ law) => law.name), chassis: declared.chassis,
+    manoeuvre: Object.keys(declared.drives.manoeuvres),
+  };
+  const usual = { law: known.law[0], chassis: known.chassis[0], manoeuvre: known.manoeuvre[0] };
 
   /** @param {CarShown} shown @param {Record<string, string>} more */
   function written(shown, more = {}) {
@@ -18,10 +25,9 @@ function steerAddress() {
   }
 
   /** What a text names, and sentences about what it names that there is not.
-      @param {string} text @param {Choices} usual @param {Record<keyof Choices, string[]>} known
-      @returns {{shown: Shown, pins: Record<string, string>, remarks: string[]}} */
-  function read(text, usual, known) {
-    const given = new URLSearchParams(text), remarks = [], { law, chassis, manoeuvre } = usual;
+      @param {string} text @param {Choices} otherwise @returns {{shown: Shown, pins: Record<string, string>, remarks: string[]}} */
+  function read(text, otherwise = usual) {
+    const given = new URLSearchParams(text), remarks = [], { law, chassis, manoeuvre } = otherwise;
     const shown = { law, chassis, manoeuvre, values: /** @type {Record<string, string | number>} */ ({}) };
     /** @type {Record<string, string>} */
     const pins = {};
@@ -43,5 +49,5 @@ function steerAddress() {
     return found.toString();
   }
 
-  return { PINS, written, read, whole };
+  return { PINS, known, written, read, whole };
 }

@@ -45,19 +45,19 @@ async function steerDrive(declared) {
   }
   const drive = declared.drive, { recording, devices, pace } = drive;
   const spaced = (/** @type {string} */ name) => name.replaceAll("_", " ");
-  const address = steerAddress(), load = steerLoading(declared), logging = steerLog(drive), log = new logging.Log();
+  const address = steerAddress(declared), load = steerLoading(declared), logging = steerLog(drive), log = new logging.Log();
   const fields = steerFields(document.createElement("div"), () => {}), view = steerView(drive);
   const text = [
     ...[steerSimulation, steerExchange, steerHands, steerPolicies, steerPace].map(String),
-    `const declared = ${JSON.stringify(drive)};`,
-    "steerPace(self, declared, steerSimulation(declared.drives.rate, declared.drives.regrip), steerExchange(declared), steerHands(declared), steerPolicies());",
+    `const declared = ${JSON.stringify(drive)}, simulation = steerSimulation(${declared.drives.rate}, ${declared.drives.regrip});`,
+    "steerPace(self, declared, simulation, steerExchange(declared), steerHands(declared), steerPolicies());",
   ].join("\n");
   const worker = new Worker(URL.createObjectURL(new Blob([`"use strict";\n${text}`], { type: "text/javascript" })));
   Object.assign(steerDriven, { worker, log, columns: logging.names });
 
   /** @type {Map<string, any>} */
   const structures = new Map();
-  /** @type {{label: string, of: Shown, values: Record<string, number>}[]} */
+  /** @type {{label: string, of: CarShown, values: Record<string, number>}[]} */
   const cars = [];
   /** @type {any} */
   let newest = null;
@@ -84,28 +84,21 @@ async function steerDrive(declared) {
   }
 
   /** Add a car that can be driven, at the speed of the first; sentences about what is refused.
-      @param {string} label @param {Shown} of */
+      @param {string} label @param {CarShown} of */
   async function add(label, of) {
-    const { parameters } = await structure(of.law, of.chassis), remarks = [];
-    const values = Object.fromEntries(parameters.map((/** @type {Field} */ q) => [q.name, q.value]));
-    /** @type {Record<string, number>} */
-    const kept = {};
-    for (const [name, value] of Object.entries(of.values)) {
-      const field = parameters.find((/** @type {Field} */ q) => q.name === name);
-      const why = field ? fields.refusal(field, Number(value), String(value)) : `this page has no ${name} here`;
-      if (why) remarks.push(`${label}: ${why}; left as the car has it.`);
-      else kept[name] = values[name] = Number(value);
-    }
+    const { parameters } = await structure(of.law, of.chassis), { kept, remarks } = fields.taken(parameters, of.values);
+    const usual = Object.fromEntries(parameters.map((/** @type {Field} */ q) => [q.name, q.value]));
+    const values = { ...usual, ...kept };
     const speed = declared.speed.name;
     if (cars.length) values[speed] = cars[0].values[speed];
     cars.push({ label, of: { law: of.law, chassis: of.chassis, values: kept }, values });
     worker.postMessage({
       configuration: { index: cars.length - 1, label, key: `${of.law} ${of.chassis}`, values },
     });
-    return remarks;
+    return remarks.map((remark) => `${label}: ${remark}`);
   }
 
-  /** What a car is, in words. @param {Shown} of */
+  /** What a car is, in words. @param {CarShown} of */
   function words(of) {
     const { parameters } = structures.get(`${of.law} ${of.chassis}`);
     const label = (/** @type {string} */ name) =>
@@ -487,7 +480,7 @@ async function steerDrive(declared) {
     [blind.x, blind.y] = [cars.length, cars.length + 1];
     blind.xHasMore = swapped === room > 0;
     const remarks = [];
-    for (const [letter, one] of /** @type {[string, Shown][]} */ ([["X", swapped ? other : of], ["Y", swapped ? of : other]])) {
+    for (const [letter, one] of /** @type {[string, CarShown][]} */ ([["X", swapped ? other : of], ["Y", swapped ? of : other]])) {
       remarks.push(...await add(`${letter} of trial ${number}`, one));
     }
     if (remarks.length) throw new Error(remarks.join(" "));
@@ -612,11 +605,10 @@ async function steerDrive(declared) {
   find("back").href = `index.html${location.hash}`;
   addEventListener("hashchange", () => location.reload());  // a link to this page was opened in it
   await guarded((async () => {
-    const known = { laws: declared.laws.map((/** @type {any} */ law) => law.name), chassis: declared.chassis };
-    const start = address.read(location.hash.slice(1), { law: known.laws[0], chassis: known.chassis[0] }, known);
+    const start = address.read(location.hash.slice(1));
     const remarks = [...start.remarks, ...await add("This car", start.shown)];
     for (const name of address.PINS.filter((each) => each in start.pins)) {
-      const read = address.read(start.pins[name], start.shown, known);
+      const read = address.read(start.pins[name], start.shown);
       remarks.push(...read.remarks, ...await add(`Pin ${name}`, read.shown));
     }
     held = cars[0].values[declared.speed.name] / 3.6;
@@ -625,7 +617,7 @@ async function steerDrive(declared) {
     }
     find("differs").value = "friction_scale";
     worker.postMessage({ begin: { index: 0, speed: held } });
-    status.textContent = remarks.join(" ");
+    if (remarks.length) status.textContent = remarks.join(" ");
     list();
     steerBy("keyboard");
     main.hidden = false;

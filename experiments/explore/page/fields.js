@@ -95,5 +95,20 @@ function steerFields(host, onChange) {
     }
   }
 
-  return { show, refusal };
+  /** The values that the fields of a car take, and sentences about those that they refuse.
+      @param {Field[]} parameters @param {Record<string, string | number>} values */
+  function taken(parameters, values) {
+    const remarks = [];
+    /** @type {Record<string, number>} */
+    const kept = {};
+    for (const [name, value] of Object.entries(values)) {
+      const field = parameters.find((q) => q.name === name), text = String(value), number = steerNumbers.read(text);
+      const why = field ? refusal(field, number, text) : `this page has no ${name} here`;
+      if (why) remarks.push(`${why}; left as the car has it.`);
+      else kept[name] = number;
+    }
+    return { kept, remarks };
+  }
+
+  return { show, refusal, taken };
 }

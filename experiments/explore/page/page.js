@@ -25,7 +25,7 @@ async function steerDeclared(declared) {
   const sentence = (/** @type {string} */ words) => `${words[0].toUpperCase()}${words.slice(1)}.`;
   const spaced = (/** @type {string} */ name) => name.replaceAll("_", " ");
   const { drives, speed } = declared, { manoeuvres } = drives;
-  const address = steerAddress(), pictures = steerPictures();
+  const address = steerAddress(declared), pictures = steerPictures();
   const table = steerTable(find("metrics"), declared.noticed);
   const fields = steerFields(find("fields"), changed);
   const readers = Object.entries(STEER_READERS);
@@ -42,12 +42,7 @@ async function steerDeclared(declared) {
   const worker = new Worker(URL.createObjectURL(new Blob([`"use strict";\n${text}`], { type: "text/javascript" })));
 
   const { structures, pins } = steerShown, load = steerLoading(declared);
-  const known = {
-    law: declared.laws.map((/** @type {any} */ law) => law.name), chassis: declared.chassis,
-    manoeuvre: Object.keys(manoeuvres),
-  };
-  const usual = { law: known.law[0], chassis: known.chassis[0], manoeuvre: known.manoeuvre[0] };
-  const start = address.read(location.hash.slice(1), usual, known);
+  const { known } = address, start = address.read(location.hash.slice(1));
   let { shown } = start;
   /** @type {any} */
   let latest = null;
@@ -314,15 +309,7 @@ async function steerDeclared(declared) {
 
   /** What the page takes of a law, a chassis and values, and sentences about what it refuses. @param {any} to */
   async function taken(to) {
-    const { parameters } = await structure(to.law, chassisOf(to)), remarks = [];
-    /** @type {Record<string, number>} */
-    const kept = {};
-    for (const [name, value] of Object.entries(to.values)) {
-      const field = parameters.find((/** @type {Field} */ q) => q.name === name);
-      const why = field ? fields.refusal(field, steerNumbers.read(String(value)), String(value)) : `this page has no ${name} here`;
-      if (why) remarks.push(`${why}; left as the car has it.`);
-      else kept[name] = steerNumbers.read(String(value));
-    }
+    const { parameters } = await structure(to.law, chassisOf(to)), { kept, remarks } = fields.taken(parameters, to.values);
     return { of: { ...to, values: kept }, remarks };
   }
 
@@ -423,7 +410,7 @@ async function steerDeclared(declared) {
     show(await driven(shown, false, true));
     show(await driven(shown, true, true));
     for (const [name, given] of Object.entries(start.pins)) {
-      const read = address.read(given, shown, known), { of, remarks: more } = await taken(read.shown);
+      const read = address.read(given, shown), { of, remarks: more } = await taken(read.shown);
       const refused = await pin(name, of).then(() => [], (/** @type {Error} */ error) => [error.message]);
       notice = [notice, ...[...read.remarks, ...more].map((remark) => `${name}: ${remark}`), ...refused].join(" ").trim();
       status.textContent = notice;

@@ -138,7 +138,7 @@ function steerScene(canvas, declared, style) {
     return [0, 2, 4].map((i) => parseInt(wide.slice(i, i + 2), 16) / 255);
   }
 
-  /** @param {Moment} now @param {Course["cones"]} cones */
+  /** @param {Moment} now @param {CourseDriven["cones"]} cones */
   return function draw(now, cones) {
     const { ratio, width, height } = steerSized(canvas);
     const [cy, sy, cr, sr, cd, sd] = [now.yaw, now.roll, EYE.down].flatMap((t) => [Math.cos(t), Math.sin(t)]);

@@ -5,7 +5,7 @@
 /** @typedef {{time: number, x: number, y: number, yaw: number, roll: number, angle: number, torque: number, left: number,
  *             right: number, speed: number, held: number, acceleration: number, wanted: number, hold: boolean, hands: string}} Moment
  *             of a drive, on the road; SI units */
-/** @typedef {{at: (x: number) => number, cones: {x: number, y: number, touched: boolean}[]}} Course */
+/** @typedef {{at: (x: number) => number, cones: {x: number, y: number, touched: boolean}[]}} CourseDriven */
 
 /** Size a canvas to its place on the screen. @param {HTMLCanvasElement} canvas */
 function steerSized(canvas) {
@@ -26,7 +26,7 @@ function steerView(declared) {
   const style = (/** @type {string} */ name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
   /** @param {HTMLCanvasElement} canvas @param {Moment} now @param {{x: number, y: number}[]} trace
-      @param {Course["cones"]} cones */
+      @param {CourseDriven["cones"]} cones */
   function above(canvas, now, trace, cones) {
     const { ratio, width, height } = steerSized(canvas);
     const g = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
