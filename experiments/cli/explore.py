@@ -1,4 +1,4 @@
-"""Write a page in which sliders change friction law and car, and a manoeuvre is redrawn.
+"""Write a page with sliders for friction law and car: manoeuvres redrawn, and a drive.
 
 index.html opens from disk, and from any static host; it asks the network for nothing. Each law on each chassis is
 compiled once, which takes some ten to thirty seconds.

@@ -82,6 +82,7 @@ COMMANDS = {
     "policy suite": ["policy", "suite", "damping", "--env", ASSIST, *IMPORT],
     "study coupling": ["study", "coupling", "--friction", NAME, *IMPORT],
     "study friction": ["study", *IMPORT, "friction", "--quick"],
+    "study friction-sites": ["study", "friction-sites", *IMPORT],
     "study hands-off": ["study", "hands-off", *IMPORT, "--friction", NAME, "--stride", "25"],
     "study held-torque": ["study", "held-torque", *IMPORT],
     "study loop-width": ["study", "loop-width", "--cars", "compact", *IMPORT],
