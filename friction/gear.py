@@ -34,19 +34,19 @@ def worm(lead_angle: float, friction_coefficient: float, pressure_angle: float =
     Raises
     ------
     ValueError
-        An angle outside 0 to 90 deg, a coefficient below 0, or a gear that locks itself, with the coefficient at which
-        it begins to.
+        A lead angle outside 0.01 to 1.5 or a pressure angle outside 0 to 1, a coefficient below 0, or a gear that
+        locks itself, with the coefficient at which it begins to.
     """
     g = number("lead_angle [rad]", lead_angle, minimum=0.01, maximum=1.5)
     a = number("pressure_angle [rad]", pressure_angle, minimum=0.0, maximum=1.0)
     mu = not_negative("friction_coefficient", friction_coefficient)
-    locks = math.cos(a) * math.tan(g)
+    n, tangent = math.cos(a), math.tan(g)
+    locks = n * min(tangent, 1.0 / tangent)  # driven back, and of a steep lead driving
     if mu >= locks:
         raise ValueError(
             f"the gear locks itself: friction_coefficient must be less than {locks:.4g} at a lead angle of {g:g} rad, "
             f"got {mu:g}"
         )
-    n, tangent = math.cos(a), math.tan(g)
     return Efficiency((n - mu * tangent) / (n + mu / tangent), (n - mu / tangent) / (n + mu * tangent))  # (F45)
 
 
@@ -60,6 +60,8 @@ def efficiency(given: Any) -> Efficiency:
     """
     if isinstance(given, Mapping):
         return constructed("the worm gear", worm, given)
+    if isinstance(given, bool | str):
+        raise ValueError(f"efficiency must be a number, two or a mapping, got {given!r}")
     values = numbers("efficiency", np.atleast_1d(given))
     if values.size not in (1, 2) or not np.all((values > 0.0) & (values <= 1.0)):
         raise ValueError(

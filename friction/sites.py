@@ -5,9 +5,9 @@
 
 w1 and w2 are the mean speeds of the handwheel and of the column below the bar over a step, T_u is the torque of the
 site above it, and the sum goes over the sites below. Coulomb's law and its kind are inclusions here, as in (F7). Every
-torque is monotone but for a fall that ``step_limit`` bounds, and K^2 is small beside a S (2e-6 of it at 1 ms, 6e-3 at
-10 ms), so that there is one solution. It is found by solving (F43) for one speed and the other in turn, with the first
-equation made linear in w2 while the second is solved.
+torque is monotone but for a fall that ``step_limit`` bounds, with which (F43) has one solution. K^2 is small beside
+a S, 2e-6 of it at 1 ms and 6e-3 at 10 ms, and the solution is found by solving (F43) for one speed and the other in
+turn, with the first equation made linear in w2 while the second is solved.
 
 Each site has a law and a level of its own. That of the car acts below the bar too; above it, only its factor L_0 does.
 The friction of a gear grows with the torque T_m that the motor sends through it:
@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from steer_env.friction import gear
+from steer_env.friction import fitted_file, gear
 from steer_env.friction import law as laws
 from steer_env.friction.law import (
     LAWS,
@@ -49,9 +49,9 @@ from steer_env.friction.numerics.kernel import dispatch, kernel
 NOTHING = {"law": "viscous", "sigma_2": 0.0}
 ABOVE, BELOW = "upper_column", ("lower_column", "gear", "rack", "motor")
 TEXT = "LAW[,key=value...]@SITE, several joined by +"  # sites as text
-MOST_ROUNDS = 50
+MOST_ROUNDS, WITH_SLOPE = 50, 8
 LEAST = 1e-6  # sliding torque that can grow, assumed [N m]
-CLOSE = 1e-15  # of the torque that an error of w1 adds to the second equation, to S w2 [1]
+CLOSE = 1e-15  # of the torque that an error of w1 adds to the second equation, over its terms [1]
 
 
 class Site(NamedTuple):
@@ -261,16 +261,17 @@ def _joint(p, scales, memory, step, w1, w2):
     L = held
     scale = chosen(above, scales.upper_column, own, R1 + K * w2, h)  # (F11)
     w1 = solve(above, scale, own, a, R1 + K * w2, h, w1)  # (F43)
-    for _ in range(MOST_ROUNDS):
-        # Above the bar, w1 + slope (w - w2) while the speed w below it is sought.
+    for i in range(MOST_ROUNDS):
+        # Above the bar, w1 + slope (w - w2) while the speed w below it is sought. A slope may lead to and fro across a
+        # kink; without it the rounds converge by K^2/(a S).
         _, steep = mean_torque(above, scale, own, w1, h)
-        slope = K / (a + steep) if w1 != 0.0 else 0.0
+        slope = K / (a + steep) if w1 != 0.0 and i < WITH_SLOPE else 0.0
         w, L = _solved_sum(below, scales, held, rest, memory, S - K * slope, R2 + K * (w1 - slope * w2), h, w2)
         expected = w1 + slope * (w - w2)
         w2 = w
         scale = chosen(above, scales.upper_column, own, R1 + K * w2, h)  # (F11)
         w1 = solve(above, scale, own, a, R1 + K * w2, h, expected)
-        if K * abs(w1 - expected) <= CLOSE * S * abs(w2):
+        if K * abs(w1 - expected) <= CLOSE * (S * abs(w2) + abs(R2) + K * (abs(w1) + abs(R1) / a)):
             break
     advance(above, scale, own, w1, h)
     _advance_sum(below, L, memory, w2, h)
@@ -295,13 +296,14 @@ def _led(p, scales, memory, w1, S, R, h, w2):
 def _site_scales(site, of_car, base, load, x, motor):
     """L_+ and L_- of a site (F44)."""
     own = level_scales(site.level, 1.0, load, x)  # (F11)
-    positive, negative = site.driving, site.driven
+    positive, negative = max(site.driving, 0.0), max(site.driven, 0.0)
     if motor < 0.0:
         positive, negative = negative, positive
     grown = base * abs(motor)
+    # A negative level, as of a parameter of an exported unit, would drive the steering.
     return Scales(
-        of_car.positive * own.positive + grown * positive,  # (F44)
-        of_car.negative * own.negative + grown * negative,  # (F44)
+        max(of_car.positive * own.positive, 0.0) + grown * positive,  # (F44)
+        max(of_car.negative * own.negative, 0.0) + grown * negative,  # (F44)
     )
 
 
@@ -443,7 +445,9 @@ def _steepest_fall(p: Sites, torque_scale: float, h: float) -> float:
 
 
 def sliding_torque(p: Any) -> float:
-    """Steady torque of a law at a speed of nearly zero, after a long way [N m]."""
+    """F_c of a law; of one without, its steady torque at a speed of nearly zero, after a long way [N m]."""
+    if hasattr(p, "F_c"):
+        return float(p.F_c)
     memory = np.zeros(law_of(p).memory_size(p))
     advance(p, 1.0, memory, 1e-3, 1e3)
     return float(torque(p, 1.0, memory, 1e-9))
@@ -569,7 +573,7 @@ def resolve(friction: Any) -> Any:
         return friction
     if isinstance(friction, Mapping) and friction.keys() & {ABOVE, *BELOW}:
         return make_sites(friction)
-    if isinstance(friction, str) and "@" in friction:
+    if isinstance(friction, str) and "@" in friction and not fitted_file.named(friction):
         return make_sites(_of_text(friction))
     return laws.resolve(friction)
 
@@ -580,6 +584,14 @@ def _of_text(text: str) -> dict[str, Any]:
     if "+".join(map("@".join, pieces)) != text or len({site for _, site in pieces}) < len(pieces):
         raise ValueError(f"expected {TEXT}, each site once, got {text!r}")
     return {site: law for law, site in pieces}
+
+
+def resolve_one(friction: Any, what: str) -> Any:
+    """Parameters of a law, as :func:`resolve`; ValueError for several sites, which ``what`` does not know."""
+    p = resolve(friction)
+    if isinstance(p, Sites):
+        raise ValueError(f"{what} knows one site of friction: give one law")
+    return p
 
 
 def as_mapping(p: Any) -> dict[str, Any]:
@@ -593,7 +605,7 @@ def as_mapping(p: Any) -> dict[str, Any]:
         law = laws.as_mapping(site.law)
         if law != NOTHING:
             found[name] = {**law, **own, **growth}
-    return found
+    return found or {BELOW[0]: dict(NOTHING)}
 
 
 def varied(friction: Any, values: Mapping[str, float]) -> Any:
@@ -613,9 +625,17 @@ def varied(friction: Any, values: Mapping[str, float]) -> Any:
     if not isinstance(p, Sites):
         name, given = laws.parts(friction)
         return laws.make(name, **{**given, **values})
-    given = as_mapping(p)
+    given = _as_given(friction)
     for key, value in values.items():
-        site, _, name = key.partition(".")
+        site, _, name = str(key).partition(".")
         one_of("the site of friction", site, tuple(given))
-        given[site] = {**given[site], name: value}
+        law, own = laws.parts(given[site])
+        given[site] = {"law": law, **own, name: value}
     return make_sites(given)
+
+
+def _as_given(friction: Any) -> dict[str, Any]:
+    """Sites from a form of :func:`resolve` as they were given, so that what was left out follows what is changed."""
+    if isinstance(friction, Sites):
+        return as_mapping(friction)
+    return _of_text(friction) if isinstance(friction, str) else dict(friction)

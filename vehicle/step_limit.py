@@ -18,33 +18,35 @@ LARGEST_RACK_FORCE = 15e3  # [N]
 SHORTEST_STEP = 1e-7  # below which no step is looked for, assumed [s]
 
 
-def least_slopes(c: Column, h: float) -> tuple[float, float]:
-    """The smallest S of the step equation above and below the bar, over a step of ``h`` [s], in N m s/rad."""
+def equations(c: Column, h: float) -> tuple[float, float, float]:
+    """a, S and K of the step equations (F43) of a column over a step of ``h`` [s], in N m s/rad."""
     K = c.C_tb + 0.5 * h * c.K_tb  # (C4)
-    above = 2.0 * (c.I1 + c.I_arm) / h + c.C1 + c.C_arm + 0.5 * h * c.K_arm + K  # (C4)
-    below = 2.0 * c.I2 / h + c.C2 + K
-    return above - K * K / below, below - K * K / above  # (C5)
+    a = 2.0 * (c.I1 + c.I_arm) / h + c.C1 + c.C_arm + 0.5 * h * c.K_arm + K  # (C4)
+    return a, 2.0 * c.I2 / h + c.C2 + K, K
+
+
+def least_slope(c: Column, h: float) -> float:
+    """The smallest S of the step equation of a column, over a step of ``h`` [s], in N m s/rad."""
+    a, S, K = equations(c, h)
+    return S - K * K / a  # (C5)
 
 
 def checked(p: Plant) -> Plant:
-    """The plant itself, if its step equation has one solution.
+    """The plant itself, if its step equations have one solution.
 
     Raises
     ------
     ValueError
-        It may have several, with the slope that is allowed, the longest step and what helps.
+        They may have several, with the slope that is allowed, the longest step and what helps.
     """
     law, level = law_of(p.friction), p.friction_torque_scale
 
-    def fall_and_slope(h: float) -> tuple[float, float]:
-        """Of the site that is nearer to its limit."""
-        loads = LARGEST_RACK_FORCE, p.assist.limit
-        pairs = zip(sites.falls(p.friction, p.level, level, *loads, h), least_slopes(p.column, h))
-        return max(pairs, key=lambda pair: pair[0] / pair[1])
+    def falls(h: float) -> tuple[float, float]:
+        return sites.falls(p.friction, p.level, level, LARGEST_RACK_FORCE, p.assist.limit, h)
 
     def single(h: float) -> bool:
-        fall, slope = fall_and_slope(h)
-        return fall < slope  # (F13)
+        (above, below), (a, S, K) = falls(h), equations(p.column, h)
+        return above < a and below < S and (a - above) * (S - below) > K * K  # (F13)
 
     if single(SAMPLE_TIME):
         return p
@@ -56,10 +58,13 @@ def checked(p: Plant) -> Plant:
         steps = f"steps of up to {1e3 * low:.3g} ms would do"
     else:
         steps = "no shorter step helps"
-    fall, slope = fall_and_slope(SAMPLE_TIME)
+    (above, below), (a, S, K) = falls(SAMPLE_TIME), equations(p.column, SAMPLE_TIME)
+    upper = above * S > below * a  # of the torsion bar, where the limit is nearer
+    fall, slope = (above, a - K * K / S) if upper else (below, S - K * K / a)
+    where = f" {'above' if upper else 'below'} the torsion bar" if isinstance(p.friction, sites.Sites) else ""
     raise ValueError(
-        f"friction law {law.name!r}: its torque falls with the speed by up to {fall:.3g} N m s/rad at the largest"
-        f" friction scale (level {level:g}, rack force {1e-3 * LARGEST_RACK_FORCE:g} kN); at the step of"
+        f"friction law {law.name!r}{where}: its torque falls with the speed by up to {fall:.3g} N m s/rad at the"
+        f" largest friction scale (level {level:g}, rack force {1e-3 * LARGEST_RACK_FORCE:g} kN); at the step of"
         f" {1e3 * SAMPLE_TIME:g} ms the column allows less than {slope:.3g}, beyond which"
         f" the speed is not determined ({steps}). Raise the law's Stribeck speed, or lower its break-away torque"
         " towards its sliding torque, its damping of the bristles or the friction level"

@@ -14,10 +14,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from steer_env import friction as friction_laws
 from steer_env.episode.randomise import LIMITS, undrawn
 from steer_env.experiments.calibration import constraints
 from steer_env.friction.numerics.check import number
+from steer_env.friction.sites import resolve_one
 from steer_env.targets import Band, Targets
 from steer_env.tuning import driving, parameters
 from steer_env.tuning.env import SPEED
@@ -184,7 +184,7 @@ def make(
     if not bands:
         raise ValueError(f"targets {targets.name!r} have no band for {', '.join(SCENARIO.tests)}: add one")
     _require_consistent(targets.name, bands)
-    resolved = friction_laws.resolve(law)
+    resolved = resolve_one(law, "tuning")
     return Problem(car, resolved, bands, groups, chassis, speed, ranges_of(car.assist, names), conditions_of(load))
 
 

@@ -9,6 +9,7 @@ from steer_env.experiments.explore import parameters
 from steer_env.experiments.explore.writing import explore
 from steer_env.experiments.pages.pages import LIVE
 from steer_env.friction.law import as_mapping, law_of, make
+from steer_env.friction.sites import Sites
 from steer_env.vehicle import chassis as chassis_models
 from steer_env.vehicle.cars import Car
 
@@ -40,6 +41,8 @@ class Beside(NamedTuple):
 
 def address(car: Car, law: Any, chassis: str) -> str:
     """What the page's address holds behind # for parameters of a law; empty where the page does not give them."""
+    if isinstance(law, Sites):
+        return ""
     name, wanted = law_of(law).name, as_mapping(law)
     usual = parameters.of_law(name)
     own = {key: wanted[key] for key in usual if wanted.get(key, usual[key]) != usual[key]}

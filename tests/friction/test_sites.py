@@ -12,7 +12,9 @@ from steer_env import friction
 from steer_env.friction import gear, law, sites
 from steer_env.friction.level import Level
 from steer_env.testing import friction_law
+from steer_env.vehicle import cars, step_limit
 from steer_env.vehicle.steering import column
+from steer_env.vehicle.steering.assist import friction_compensation
 
 C = column.make(C1=0.05)
 LAWS = friction.available()
@@ -178,6 +180,11 @@ def test_efficiencies_of_a_worm_are_those_of_statics():
         ({"rack": {"law": "masing", "efficiency": 0.9}}, "friction at rack: efficiency is that of the gear"),
         ({"rack": {"law": "masing", "load": -1e-4}}, "friction at rack: load"),
         ({"gear": {"law": "viscous", "efficiency": 0.9}}, "has no sliding torque"),
+        ({"gear": {"law": "masing", "efficiency": True}}, "efficiency must be a number"),
+        (
+            {"gear": {"law": "masing", "efficiency": {"lead_angle": 1.5, "friction_coefficient": 0.5}}},
+            "friction_coefficient must be less than 0.06664",
+        ),
         ({"gear": {"law": "masing", "tooth": 3}}, "friction at gear: .*no parameter 'tooth'"),
     ],
 )
@@ -222,3 +229,51 @@ def test_sites_as_text():
     for bad in ("lugre@gear+", "lugre@gear+dahl@gear", "lugre@", "@gear", "lugre@gear@rack"):
         with pytest.raises(ValueError, match="each site once"):
             friction.resolve(bad)
+
+
+def test_what_was_left_out_follows_what_is_varied():
+    """Growth by efficiency belongs to the motor's torque, whatever the preload; F_s of LuGre follows its F_c."""
+    for friction_torque in (0.3, 1.8):
+        p = friction.varied("coulomb,efficiency=0.88@gear+lugre@rack", {"gear.F_c": friction_torque, "rack.F_c": 1.5})
+        assert p.gear.driving * p.gear.law.F_c == pytest.approx(0.12, rel=1e-12)
+        assert p.rack.law.F_s == 1.5
+    with pytest.raises(ValueError, match="the site of friction must be"):
+        friction.varied("coulomb@gear", {3: 1.0})
+
+
+def test_a_stiff_bar_with_sticking_sites_is_solved():
+    """Where a kink would lead to and fro between two speeds: energy is not made below the bar, nor above it."""
+    stiff = column.make(K_tb=1e4, C1=0.05)
+    p, rng = friction.resolve({"upper_column": "coulomb,F_c=0.5", "rack": "coulomb"}), np.random.default_rng(5)
+    scales, q, memory = sites.scales(p, Level(), 1.0, 0.0, 0.0, 0.0), np.zeros(4), np.zeros(0)
+    for _ in range(3000):
+        start, hand, road = q.copy(), rng.normal(0.0, 3.0), rng.normal(0.0, 3.0)
+        w1, w2, T_F, _ = column.step(stiff, p, scales, q, memory, False, hand, 0.0, road, 1e-2)
+        K = stiff.C_tb + 0.5e-2 * stiff.K_tb
+        bar = stiff.K_tb * (start[0] - start[2]) + K * (w1 - w2)
+        above = hand - 200.0 * stiff.I1 * (w1 - start[1]) - stiff.C1 * w1 - bar
+        for w, T, F in ((w1, above, 0.5), (w2, T_F, 0.9)):
+            assert abs(T) <= F + 1e-9
+            assert w == 0.0 or T == pytest.approx(math.copysign(F, w), abs=1e-9)
+
+
+def test_laws_that_fall_on_both_sides_of_a_stiff_bar_are_refused_together():
+    """Each alone would have one solution; with both there are two."""
+    stiff = column.make(K_tb=1e4)
+    a, S, K = step_limit.equations(stiff, 1e-3)
+    steep = [
+        f"stribeck,F_c=0.5,v_s=0.01,F_s={0.5 + 0.99 * slope * 0.01 / math.sqrt(2.0 / math.e)}"
+        for slope in (a - K * K / S, S - K * K / a)
+    ]
+    car = cars.load("compact")
+    p = car.plant("viscous")._replace(column=stiff, level=Level())
+    for one in ({"upper_column": steep[0]}, {"rack": steep[1]}):
+        step_limit.checked(p._replace(friction=friction.resolve(one)))
+    both = p._replace(friction=friction.resolve({"upper_column": steep[0], "rack": steep[1]}))
+    with pytest.raises(ValueError, match="the torsion bar: its torque falls"):
+        step_limit.checked(both)
+
+
+def test_what_knows_one_site_refuses_several():
+    with pytest.raises(ValueError, match="the observer knows one site"):
+        friction_compensation.make(1, 1e-3, friction_law="masing@gear+coulomb@upper_column")

@@ -15,7 +15,7 @@ from steer_env.vehicle.steering import column
 
 STEEP = {"law": "lugre", "sigma_0": 1e8, "F_c": 1.0, "F_s": 2.0, "v_s": 1e-3, "sigma_1": 0.0}
 MILD = {"law": "lugre", "F_c": 0.9, "F_s": 1.8, "v_s": 1e-3, "sigma_1": 0.0}  # steep, but in far longer steps only
-SLOPE = step_limit.least_slopes(column.make(), 1e-3)[1]
+SLOPE = step_limit.least_slope(column.make(), 1e-3)
 
 
 def rises(p, scale=1.0, h=1e-3):
@@ -51,7 +51,7 @@ def test_the_longest_step_that_is_told_is_the_longest():
     told = 1e-3 * float(str(refused.value).split("steps of up to ")[1].split(" ms")[0])
     steep, scale = friction.resolve(STEEP), 1.0 + p.level.load * step_limit.LARGEST_RACK_FORCE
     falls = [law.law_of(steep).steepest_fall(steep, scale, h) for h in (0.99 * told, 1.01 * told)]
-    slopes = [step_limit.least_slopes(p.column, h)[1] for h in (0.99 * told, 1.01 * told)]
+    slopes = [step_limit.least_slope(p.column, h) for h in (0.99 * told, 1.01 * told)]
     assert falls[0] < slopes[0]
     assert falls[1] > slopes[1]
 
@@ -85,7 +85,7 @@ def test_the_slope_is_the_least_of_the_column(robot, arms):
     _, w2, _, _ = column.step(c, p, both(1.0), np.zeros(4), np.zeros(0), robot, 0.0, 0.0, 1.0, h)
     assert 1.0 / w2 >= SLOPE * (1 - 1e-12)
     if not robot:
-        assert 1.0 / w2 == pytest.approx(step_limit.least_slopes(c, h)[1], rel=1e-12)
+        assert 1.0 / w2 == pytest.approx(step_limit.least_slope(c, h), rel=1e-12)
 
 
 @pytest.mark.parametrize("car", cars.available())

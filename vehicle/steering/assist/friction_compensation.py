@@ -25,11 +25,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from steer_env import friction
 from steer_env.friction import defaults
 from steer_env.friction.law import advance, as_mapping, law_of
 from steer_env.friction.law import torque as law_torque
 from steer_env.friction.numerics.kernel import kernel
+from steer_env.friction.sites import resolve_one
 from steer_env.vehicle.keys import checked
 from steer_env.vehicle.steering.assist.by_speed import by_speed, shortest
 
@@ -94,7 +94,7 @@ def make(
         Time constant with which the share fades after the hands have let go, 0.01 to 100 [s].
     """
     try:
-        law = friction.resolve(friction_law)
+        law = resolve_one(friction_law, "the observer")
     except ValueError as error:
         raise ValueError(f"friction_law: {error}") from None
     return FrictionCompensation(
