@@ -61,6 +61,7 @@ async function steerDrive(declared) {
   const cars = [];
   /** @type {any} */
   let newest = null;
+  let own = 0;  // cars of the address; behind them stand those of blind tests
   let stands = "begin", noted = 0, chosen = 0, before = 0, held = 0, hold = true, fromAbove = false, dropped = 0;
   let origin = { x: 0, y: 0, yaw: 0 }, passed = steerCourse(drive, "plain");
 
@@ -108,7 +109,7 @@ async function steerDrive(declared) {
   }
 
   function list() {
-    find("cars").replaceChildren(...cars.slice(0, 1 + address.PINS.length).map(({ label, of }, k) => {
+    find("cars").replaceChildren(...cars.slice(0, own).map(({ label, of }, k) => {  // not those of a blind test
       const line = document.createElement("li"), button = document.createElement("button");
       button.type = "button";
       button.dataset.command = `set_${k + 1}`;
@@ -124,7 +125,7 @@ async function steerDrive(declared) {
   /** @param {number} index */
   function choose(index) {
     if (index === chosen || index >= cars.length) {
-      if (index >= cars.length) tell(`There is no car ${index + 1}: pin one on the page before.`);
+      if (index >= own) tell(`There is no car ${index + 1}: pin one on the page before.`);
       return;
     }
     [before, chosen] = [chosen, index];
@@ -300,13 +301,15 @@ async function steerDrive(declared) {
   }
   addEventListener("keydown", (event) => {
     const target = /** @type {HTMLElement} */ (event.target), name = command(event);
-    if (!name || event.ctrlKey || event.altKey || event.metaKey || target.closest("input, select")) return;
+    if (!name || event.ctrlKey || event.altKey || event.metaKey || target.closest("input")) return;
+    if (target.closest("select") && name !== "left" && name !== "right") return;  // which up and down belong to
     event.preventDefault();
     if (name === "left" || name === "right") steerKey(name, true);
     else if (!event.repeat || name === "faster" || name === "slower") obey(name);
   });
   addEventListener("keyup", (event) => {
-    const name = command(event);
+    const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;  // Shift may have been pressed meanwhile
+    const name = STEER_KEYS.find(({ keys }) => keys.includes(key))?.command;
     if (name === "left" || name === "right") steerKey(name, false);
   });
   addEventListener("blur", () => {  // nobody tells which keys are released meanwhile
@@ -334,11 +337,14 @@ async function steerDrive(declared) {
 
   /** @param {number} steps */
   function faster(steps) {
+    const { of } = cars[chosen], { inputs } = structures.get(`${of.law} ${of.chassis}`).drive;
+    if (!inputs.includes("target_speed")) {
+      tell("The speed of a single track does not change: choose two tracks on the page before.");
+      return;
+    }
     held = Math.min(Math.max(held + steps * drive.held.step, 0), drive.held.fastest);
     worker.postMessage({ target: held });
-    const { of } = cars[chosen], { inputs } = structures.get(`${of.law} ${of.chassis}`).drive;
-    const kept = inputs.includes("target_speed") ? "" : ", but not by this chassis, whose speed does not change";
-    tell(`Speed held at ${Math.round(3.6 * held)} km/h${kept}.`);
+    tell(`Speed held at ${Math.round(3.6 * held)} km/h.`);
   }
 
   /** @type {Record<string, () => void>} */
@@ -389,7 +395,7 @@ async function steerDrive(declared) {
     },
     ...Object.fromEntries([0, 1, 2, 3].map((k) => [`set_${k + 1}`, () => {
       if (blind) tell("The blind test chooses the cars: T ends it.");
-      else choose(k);
+      else choose(k < own ? k : cars.length);
     }])),
     test: () => guarded(blind ? endTest() : beginTest()),
     drive_x: () => blind && choose(blind.x),
@@ -443,7 +449,7 @@ async function steerDrive(declared) {
       page: `steer-env explore ${declared.version}`, speed_m_s: values[declared.speed.name] / 3.6,
       device: told.device, motor: false, ...(acted.size ? { policies: [...acted] } : {}),
       sets: cars.map((car) => ({ label: car.label, car: recording.meta.vehicle, law: car.of.law, chassis: car.of.chassis,
-        address: address.written(car.of) })),
+        address: address.written(car.of).toString() })),
     }, flat);
   };
   find("manoeuvre").append(new Option("not named", ""));
@@ -611,13 +617,14 @@ async function steerDrive(declared) {
       const read = address.read(start.pins[name], start.shown);
       remarks.push(...read.remarks, ...await add(`Pin ${name}`, read.shown));
     }
+    own = cars.length;
     held = cars[0].values[declared.speed.name] / 3.6;
     for (const field of structures.get(`${cars[0].of.law} ${cars[0].of.chassis}`).parameters) {
       if (field.name !== declared.speed.name) find("differs").append(new Option(field.label, field.name));
     }
     find("differs").value = "friction_scale";
     worker.postMessage({ begin: { index: 0, speed: held } });
-    if (remarks.length) status.textContent = remarks.join(" ");
+    if (remarks.length) status.textContent = `${status.textContent} ${remarks.join(" ")}`.trim();
     list();
     steerBy("keyboard");
     main.hidden = false;

@@ -281,7 +281,7 @@ async function steerDeclared(declared) {
       const label = (/** @type {string} */ key) =>
         parametersOf(of).find((/** @type {Field} */ q) => q.name === key).label.split(",")[0];
       const changed = Object.entries(of.values).map(([key, value]) => `${label(key)} ${value}`);
-      line.textContent = [`${name}: ${spaced(of.law)}`, spaced(of.chassis), ...changed].join(", ");
+      line.textContent = [`${name}: ${spaced(of.law)}`, spaced(chassisOf(of)), ...changed].join(", ");
       return line;
     }));
     for (const button of /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll("button.pin"))) {
@@ -411,7 +411,8 @@ async function steerDeclared(declared) {
     show(await driven(shown, true, true));
     for (const [name, given] of Object.entries(start.pins)) {
       const read = address.read(given, shown), { of, remarks: more } = await taken(read.shown);
-      const refused = await pin(name, of).then(() => [], (/** @type {Error} */ error) => [error.message]);
+      const missing = !given || read.remarks.length > 0;  // another car in its place would be a wrong comparison
+      const refused = missing ? [`${name} is not pinned.`] : await pin(name, of).then(() => [], (/** @type {Error} */ error) => [error.message]);
       notice = [notice, ...[...read.remarks, ...more].map((remark) => `${name}: ${remark}`), ...refused].join(" ").trim();
       status.textContent = notice;
     }

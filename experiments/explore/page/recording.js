@@ -84,6 +84,16 @@ function steerRecordingReader(settings) {
     return { separator, count: columns.length, time, wanted };
   }
 
+  /** A text of the head, which may be quoted as JSON quotes it. @param {string} text */
+  function plain(text) {
+    try {
+      const found = text.startsWith('"') ? JSON.parse(text) : text;
+      return String(found);
+    } catch {
+      return text;
+    }
+  }
+
   /** The channels of a file at the rate of the page; an error says why there are none. @param {File} file
       @returns {Promise<Recorded>} */
   async function read(file) {
@@ -100,7 +110,7 @@ function steerRecordingReader(settings) {
       if (!line.trim()) return;
       if (!table) {
         const [, key, value] = /^#\s*([^:]*\S)\s*:(.*)$/.exec(line) ?? [];
-        if (key) meta[key] = value.trim();
+        if (key) meta[key] = plain(value.trim());
         else if (!line.startsWith("#")) table = header(line);
         return;
       }

@@ -89,7 +89,8 @@ def test_a_drive_by_keys_is_that_of_the_native_plant_and_is_read_by_python(page,
     recording = read(path)
     mean = found["torsion_bar_torque"][: count // 5 * 5].reshape(-1, 5).mean(axis=1)
     np.testing.assert_allclose(recording["torsion_bar_torque"], mean, rtol=1e-6, atol=1e-9)
-    assert recording.meta["sets"][0]["law"] == "lugre"
+    assert [each["law"] for each in recording.meta["sets"]] == ["lugre", "lugre"]
+    assert recording.meta["sets"][1]["address"] == "law=lugre&chassis=single_track&friction_scale=2"
     assert main(["evaluate", str(path)]) == 1
     assert "and 30 s are needed" in capsys.readouterr().out  # tests/verification/page.py drives a minute
     assert all(url.startswith((page.parent.as_uri(), "blob:", "data:")) for url in browser.requested)
@@ -197,6 +198,7 @@ def test_a_browser_without_webgl_shows_the_drive_from_above(page, browser):
 
 def test_a_blind_test_by_keys_ends_in_a_personal_threshold(page, browser):
     begin(browser, page)
+    listed = browser.value("document.getElementById('cars').textContent")
     browser.key("t")
     for k in range(6):
         browser.until(f"document.getElementById('trial').textContent.startsWith('Trial {k + 1}:')")
@@ -206,6 +208,7 @@ def test_a_blind_test_by_keys_ends_in_a_personal_threshold(page, browser):
         "/^Your/.test(document.getElementById('trial').textContent) && document.getElementById('trial').textContent"
     )
     assert "personal result of 6 trials, steered by keyboard" in told
+    assert browser.value("document.getElementById('cars').textContent") == listed  # neither X nor Y is told
     found = browser.value("steerDriven.threshold")
     assert 0.0 < found["low"] < found["middle"] < found["high"]
 

@@ -157,6 +157,13 @@ def test_a_pinned_car_finds_an_amplitude_of_its_own(page, browser):
     assert browser.value("steerShown.pins.A.answer.amplitude") < 0.4 * browser.value("steerShown.answer.amplitude")
 
 
+def test_a_pin_that_the_page_does_not_have_is_told_and_not_taken(page, browser):
+    browser.open(address(page, A=quote("law=moose&chassis=single_track")))
+    browser.until(f"{READY} && document.getElementById('status').textContent.includes('A is not pinned')")
+    assert "no law moose" in browser.value("document.getElementById('status').textContent")
+    assert browser.value("Object.keys(steerShown.pins)") == []
+
+
 def test_pins_that_are_removed_while_one_is_driven_stay_away(page, browser):
     browser.open(address(page))
     browser.until(READY)
