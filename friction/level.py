@@ -128,12 +128,6 @@ def by_sample(level: Level, load: ArrayLike, x: ArrayLike, base: float = 1.0) ->
 
 
 @kernel
-def both(L):
-    """The same scale for both directions."""
-    return Scales(L, L)
-
-
-@kernel
 def chosen(p, scales, memory, R, h):
     """The scale with which a law takes a step that ``R`` drives; the memory is cut back to what break-away allows.
 

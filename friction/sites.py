@@ -470,8 +470,6 @@ def make_sites(given: Mapping[str, Any]) -> Sites:
     ValueError
         An unknown site, a law that cannot sit at one, or a value that is refused, with the name of the site.
     """
-    if not given:
-        raise ValueError(f"friction needs a site; there are {', '.join((ABOVE, *BELOW))}")
     for name in given:
         one_of("a site of friction", name, (ABOVE, *BELOW))
     sites, start = [], 0

@@ -27,7 +27,7 @@ from steer_env.vehicle.cars import Car
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 NAME = "friction-sites"
-LAW, EFFICIENCY = "masing", 0.88  # of the gear in both directions; assumed, as in docs/model.md
+LAW, EFFICIENCY = "masing", 0.88  # of the gear in both directions; assumed
 BASE, ABOVE, GEAR = "lower column", "upper column", "worm gear"
 EQUAL_TORQUE, EQUAL_LOSS = "the same sliding torque", "the same energy lost on centre"
 TESTS = ("weave", "transition", "slow-ramp", "step-steer", "release", "returnability", "pulse", "catch-up", "parking")

@@ -7,8 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from steer_env import friction
-from steer_env.friction import law
-from steer_env.friction.level import both
+from steer_env.friction import law, sites
 from steer_env.vehicle.steering import column
 
 # Every term of equations (1) and (2) in play.
@@ -91,7 +90,7 @@ def simulate(c, p, drive, n):
     x = np.zeros((6, n + 1))
     for i in range(n):
         if drive == "torque":
-            _, _, T_F, needed = column.step(c, p, both(1.0), q, memory, False, T1[i], 0.0, T_C[i], h)
+            _, _, T_F, needed = column.step(c, p, sites.uniform(p, 1.0), q, memory, False, T1[i], 0.0, T_C[i], h)
         else:
             end = edges[i + 1]
             _, _, T_F, needed = column.step_angle(c, p, 1.0, q, memory, hand_angle(end), hand_speed(end), T_C[i], h)

@@ -6,8 +6,7 @@ import pytest
 
 import steer_env  # noqa: F401
 from steer_env import friction, manoeuvres
-from steer_env.friction import law
-from steer_env.friction.level import both
+from steer_env.friction import law, sites
 from steer_env.friction.models.lugre import LuGre
 from steer_env.manoeuvres.common.driving import build_plant
 from steer_env.vehicle import cars, step_limit
@@ -82,7 +81,7 @@ def test_the_slope_is_the_least_of_the_column(robot, arms):
     """S, read from a step: with viscous friction alone, the load over the speed that it gives is S + sigma_2."""
     c, h = column.make()._replace(I_arm=arms, K_arm=10.0 * arms, C_arm=arms), 1e-3
     p = friction.make("viscous", sigma_2=0.0)
-    _, w2, _, _ = column.step(c, p, both(1.0), np.zeros(4), np.zeros(0), robot, 0.0, 0.0, 1.0, h)
+    _, w2, _, _ = column.step(c, p, sites.uniform(p, 1.0), np.zeros(4), np.zeros(0), robot, 0.0, 0.0, 1.0, h)
     assert 1.0 / w2 >= SLOPE * (1 - 1e-12)
     if not robot:
         assert 1.0 / w2 == pytest.approx(step_limit.least_slope(c, h), rel=1e-12)

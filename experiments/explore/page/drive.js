@@ -73,16 +73,7 @@ async function steerDrive(declared) {
 
   // -- cars
 
-  /** The structure of a law on a chassis, which the worker then has too. @param {string} law @param {string} chassis */
-  async function structure(law, chassis) {
-    const key = `${law} ${chassis}`;
-    if (!structures.has(key)) {
-      const module = await load(law, chassis);
-      worker.postMessage({ module });
-      structures.set(key, module.structure);
-    }
-    return structures.get(key);
-  }
+  const structure = load.into(worker, structures);
 
   /** Add a car that can be driven, at the speed of the first; sentences about what is refused.
       @param {string} label @param {CarShown} of */

@@ -106,5 +106,17 @@ function steerLoading(declared) {
     return { data, weights: new Float32Array(await bytes(data.weights)), courses: Object.fromEntries(courses) };
   }
 
-  return Object.assign(module, { policy });
+  /** What gives the structure of a law on a chassis, which a worker then has too. @param {Worker} worker
+      @param {Map<string, any>} structures those that it has, by law and chassis */
+  const into = (worker, structures) => async (/** @type {string} */ law, /** @type {string} */ chassis) => {
+    const key = `${law} ${chassis}`;
+    if (!structures.has(key)) {
+      const found = await module(law, chassis);
+      worker.postMessage({ module: found });
+      structures.set(key, found.structure);
+    }
+    return structures.get(key);
+  };
+
+  return Object.assign(module, { policy, into });
 }

@@ -65,16 +65,7 @@ async function steerDeclared(declared) {
   };
   worker.onerror = ({ message }) => told(Promise.reject(new Error(`The car could not be run: ${message}`)));
 
-  /** The structure of a law on a chassis, which the worker then has too. @param {string} law @param {string} chassis */
-  async function structure(law, chassis) {
-    const key = `${law} ${chassis}`;
-    if (!structures.has(key)) {
-      const module = await load(law, chassis);
-      worker.postMessage({ module });
-      structures.set(key, module.structure);
-    }
-    return structures.get(key);
-  }
+  const structure = load.into(worker, structures);
 
   const manoeuvre = () => manoeuvres[shown.manoeuvre];
 
