@@ -266,10 +266,10 @@ class _Clock:
         """Between two rollouts: validate and keep a checkpoint where they are due."""
         part = self._part(model)
         if part >= self._run.next_validation:
-            begin = time.monotonic()
-            self._run.checkpoint(model, self.elapsed)
+            begin, elapsed = time.monotonic(), self.elapsed
+            self._run.checkpoint(model, elapsed)
             if self._run.validated != model.num_timesteps:
-                self._run.validate(model, self.elapsed)
+                self._run.validate(model, elapsed)  # of the checkpoint, so that a resumed run never goes back
             self._begun += time.monotonic() - begin
             every = VALIDATE_EVERY / (60.0 * self._minutes) if self._minutes else VALIDATE_STEPS / (self._steps or 1)
             self._run.next_validation = part + every
@@ -422,15 +422,16 @@ class Training:
             def _on_step(self) -> bool:
                 return clock.goes_on(self.model)
 
+        seconds = self.seconds
         try:
             if reached:
                 notify(1.0, f"{model.num_timesteps} steps, which were reached before")
             else:
                 model.learn(10**12, callback=Callback(), reset_num_timesteps=not self._resume, tb_log_name=self.algo)
-                self.checkpoint(model, clock.elapsed, within=True)
+                seconds = clock.elapsed
+                self.checkpoint(model, seconds, within=True)
         finally:
             self._raw.close()
-        seconds = self.seconds if reached else clock.elapsed
         if self.validated != model.num_timesteps:
             self.validate(model, seconds)
 

@@ -308,8 +308,8 @@ def test_the_report_of_an_own_car(tmp_path, monkeypatch):
     """The command hands over the car of its options, its look, and what has to be run again."""
     seen = {}
 
-    def build_(out, laws, scope, notify, look, trace, sweep):
-        seen.update(car=scope.loaded(), look=look, trace=trace)
+    def build_(out, laws, scope, notify, look, trace, sweep, beside):
+        seen.update(car=scope.loaded(), look=look, trace=trace, beside=beside)
 
     monkeypatch.setattr(report, "build", build_)
     options = ["--vehicle", "bmw_320i", "--set", "column.K_tb=143", "--noticed-percent", "10"]
@@ -317,6 +317,7 @@ def test_the_report_of_an_own_car(tmp_path, monkeypatch):
     assert main(command) == 0
     assert (seen["car"].name, seen["car"].column.K_tb) == ("bmw_320i", 143.0)
     assert seen["look"] == report.Look(noticed=pytest.approx(0.1))
+    assert seen["beside"] is None
     assert (seen["trace"]["command"], seen["trace"]["result"]) == (command, "mine")
     assert cars.load(seen["trace"]["car"]).column.K_tb == 143.0
 
