@@ -107,7 +107,8 @@ def factors_of(car: Car, law: Any, names: Sequence[str], span: float = SPAN) -> 
     """The parameters by name, each with the range that it is given as ``NAME=LOW:HIGH``, or the usual one.
 
     Names are those of the assist (``steer_env.tuning.parameters``), ``load``, ``friction_level``, ``road_friction`` and
-    ``speed``, ``friction.KEY`` of the law or ``friction.SITE.KEY`` of sites, and ``SECTION.KEY`` of a car file with a number.
+    ``speed``, ``friction.KEY`` of the law or ``friction.SITE.KEY`` of sites, and ``SECTION.KEY`` of a car file with a
+    number.
 
     Raises
     ------
