@@ -143,13 +143,17 @@ def collect(car: Car, sweep: Runner = run, notify: Callable[[float, str], None] 
     """
     car = car._replace(steering={**car.steering, "friction_load": 0.0})
     names = [(EQUAL_TORQUE, BASE), (EQUAL_TORQUE, ABOVE), (EQUAL_TORQUE, GEAR), (EQUAL_LOSS, ABOVE), (EQUAL_LOSS, GEAR)]
-    jobs = [(car, site, defaults.F_C if term == EQUAL_TORQUE else None) for term, site in names]
+    jobs: list[tuple[Car, str | None, float | None]] = [
+        (car, site, defaults.F_C if term == EQUAL_TORQUE else None) for term, site in names
+    ]
     jobs += [(car, None, None), (car, RETURN, None)]
-    *found, claims, returns = sweep(_case, jobs, notify=notify, words=lambda job: job[1] or "published claims")
+    *found, (response, over_angle, deadband), returns = sweep(
+        _case, jobs, notify=notify, words=lambda job: job[1] or "published claims"
+    )
     terms: dict[str, dict[str, Site]] = {EQUAL_TORQUE: {}, EQUAL_LOSS: {BASE: found[0]}}
     for (term, site), result in zip(names, found):
         terms[term][site] = result
-    return Results(car, terms, *claims, returns)
+    return Results(car, terms, response, over_angle, deadband, returns)
 
 
 def differences(term: dict[str, Site]) -> dict[str, dict[str, Difference]]:
