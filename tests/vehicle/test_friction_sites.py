@@ -42,7 +42,9 @@ def test_a_worm_gear_in_parking_is_statics():
     car = load("compact")
     for efficiency in (0.85, 0.9):
         given = {"gear": {"law": "masing", "efficiency": efficiency}}
-        found = manoeuvres.drive(car, manoeuvres.make("parking"), given).channels
+        recording = manoeuvres.drive(car, manoeuvres.make("parking"), given)
+        assert recording.meta["friction"] == "masing@gear"
+        found = recording.channels
         w, rack, T_m = found["column_speed"], car.steering["pinion_radius"] * found["rack_force"], found["motor_torque"]
         steady = np.abs(w) > 0.3
         growth = np.where(w * T_m > 0.0, 1.0 - efficiency, 1.0 / efficiency - 1.0) * np.abs(T_m)
