@@ -57,7 +57,7 @@ def describing_function(law: Any, amplitude: float, frequency: float = 1.0) -> D
             break
         cycles *= 4
     first, third = (_harmonic(torque[-1], n) for n in (1, 3))  # (F40)
-    return Describing(first / A, abs(third) / abs(first), change < SETTLED)  # (F40)
+    return Describing(first / A, abs(third) / max(abs(first), 1e-300), change < SETTLED)  # (F40)
 
 
 def _harmonic(torque: NDArray[np.float64], n: int) -> complex:

@@ -48,7 +48,7 @@ from steer_env.friction.numerics.kernel import dispatch, kernel
 
 NOTHING = {"law": "viscous", "sigma_2": 0.0}
 ABOVE, BELOW = "upper_column", ("lower_column", "gear", "rack", "motor")
-TEXT = "LAW[,key=value...]@SITE, several joined by +, or LAW[,key=value...]@column_eps"  # sites as text
+TEXT = "LAW[,key=value...]@SITE, several joined by +; @column_eps is all of its sites"  # also in pages.options
 MOST_ROUNDS, WITH_SLOPE = 50, 8
 LEAST = 1e-6  # sliding torque that can grow, assumed [N m]
 CLOSE = 1e-15  # of the torque that an error of w1 adds to the second equation, over its terms [1]
@@ -566,11 +566,18 @@ def falls(p: Any, conditions: Level, base: float, load: float, motor: float, h: 
     """
     if not isinstance(p, Sites):
         return 0.0, law_of(p).steepest_fall(p, largest(conditions, base, load), h)
-    of_car, found = largest(conditions, base, load), []
-    for site, of_all, pressed in zip(p, (base, *[of_car] * len(BELOW)), (0.0, *[load] * len(BELOW))):
+    found = falls_by_site(p, conditions, base, load, motor, h)
+    return found[ABOVE], sum(found[name] for name in BELOW)
+
+
+def falls_by_site(p: Sites, conditions: Level, base: float, load: float, motor: float, h: float) -> dict[str, float]:
+    """The largest decrease of the mean torque of each site with its speed, as in :func:`falls` [N m s/rad]."""
+    of_car, found = largest(conditions, base, load), {}
+    for name, site in p._asdict().items():
+        of_all, pressed = (base, 0.0) if name == ABOVE else (of_car, load)
         scale = of_all * largest(site.level, 1.0, pressed) + base * max(site.driving, site.driven) * motor  # (F44)
-        found.append(law_of(site.law).steepest_fall(site.law, scale, h))
-    return found[0], sum(found[1:])
+        found[name] = law_of(site.law).steepest_fall(site.law, scale, h)
+    return found
 
 
 def resolve(friction: Any) -> Any:
@@ -625,6 +632,35 @@ def as_mapping(p: Any) -> dict[str, Any]:
         if law != NOTHING:
             found[name] = {**law, **own, **growth}
     return found or {BELOW[0]: dict(NOTHING)}
+
+
+def below(p: Any) -> Any:
+    """The friction below the torsion bar: a law itself, or the sites without the one above."""
+    if not isinstance(p, Sites):
+        return p
+    return make_sites({name: given for name, given in as_mapping(p).items() if name != ABOVE})
+
+
+def driven_back(p: Any) -> float:
+    """What a sliding gear that is driven back makes of a change of the motor's torque, 1/eta_b; 1 without [1]."""
+    return 1.0 + p.gear.driven * sliding_torque(p.gear.law) if isinstance(p, Sites) else 1.0  # (F44)
+
+
+def named(p: Any) -> str:
+    """The name of a law; of sites ``LAW@SITE``, joined by ``+``."""
+    if not isinstance(p, Sites):
+        return law_of(p).name
+    return "+".join(f"{given['law']}@{name}" for name, given in as_mapping(p).items())
+
+
+def acts(p: Sites, name: str, field: str, *fields: str) -> bool:
+    """Whether a number of a site, by the names of the fields that lead to it, changes the friction at all."""
+    law = getattr(p, name).law
+    if laws.as_mapping(law) == NOTHING:
+        return False
+    if field in ("driving", "driven"):
+        return name == "gear" and sliding_torque(law) > LEAST
+    return (name, field, *fields) != (ABOVE, "level", "load")  # which the rack force does not press
 
 
 def varied(friction: Any, values: Mapping[str, float]) -> Any:

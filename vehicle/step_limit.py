@@ -39,10 +39,11 @@ def checked(p: Plant) -> Plant:
     ValueError
         They may have several, with the slope that is allowed, the longest step and what helps.
     """
-    law, level = law_of(p.friction), p.friction_torque_scale
+    level = p.friction_torque_scale
+    largest = p.level, level, LARGEST_RACK_FORCE, p.assist.limit
 
     def falls(h: float) -> tuple[float, float]:
-        return sites.falls(p.friction, p.level, level, LARGEST_RACK_FORCE, p.assist.limit, h)
+        return sites.falls(p.friction, *largest, h)
 
     def single(h: float) -> bool:
         (above, below), (a, S, K) = falls(h), equations(p.column, h)
@@ -60,10 +61,18 @@ def checked(p: Plant) -> Plant:
         steps = "no shorter step helps"
     (above, below), (a, S, K) = falls(SAMPLE_TIME), equations(p.column, SAMPLE_TIME)
     upper = above * S > below * a  # of the torsion bar, where the limit is nearer
-    fall, slope = (above, a - K * K / S) if upper else (below, S - K * K / a)
-    where = f" {'above' if upper else 'below'} the torsion bar" if isinstance(p.friction, sites.Sites) else ""
+    # What the fall on the other side leaves. (F13)
+    fall, slope = (
+        (above, a - K * K / max(S - below, K * K / a)) if upper else (below, S - K * K / max(a - above, K * K / S))
+    )
+    law = repr(law_of(p.friction).name)
+    if isinstance(p.friction, sites.Sites):
+        of_site, side = sites.falls_by_site(p.friction, *largest, SAMPLE_TIME), "above" if upper else "below"
+        names = [name for name in ((sites.ABOVE,) if upper else sites.BELOW) if of_site[name] > 0.0]
+        law = " and ".join(f"{law_of(getattr(p.friction, name).law).name!r} at {name}" for name in names)
+        law += f", {side} the torsion bar"
     raise ValueError(
-        f"friction law {law.name!r}{where}: its torque falls with the speed by up to {fall:.3g} N m s/rad at the"
+        f"friction law {law}: its torque falls with the speed by up to {fall:.3g} N m s/rad at the"
         f" largest friction scale (level {level:g}, rack force {1e-3 * LARGEST_RACK_FORCE:g} kN); at the step of"
         f" {1e3 * SAMPLE_TIME:g} ms the column allows less than {slope:.3g}, beyond which"
         f" the speed is not determined ({steps}). Raise the law's Stribeck speed, or lower its break-away torque"

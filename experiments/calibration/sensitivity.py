@@ -13,8 +13,9 @@ from steer_env.experiments.calibration import problem, screening
 from steer_env.experiments.calibration.problem import Range
 from steer_env.experiments.calibration.screening import Design, Effect
 from steer_env.experiments.sweep import Runner, run
-from steer_env.friction.law import law_of
+from steer_env.friction.law import LAWS
 from steer_env.friction.numerics.check import number
+from steer_env.friction.sites import Sites
 from steer_env.metrics import available, definition
 from steer_env.targets import Targets
 from steer_env.tuning import driving, parameters, reward
@@ -46,7 +47,7 @@ class Study(NamedTuple):
     """All that the outputs depend on but the values of the parameters."""
 
     car: Car
-    law: Any  # parameters
+    law: Any  # parameters; of sites as they were given, so that what was left out follows what is varied
     chassis: str
     factors: tuple[Range, ...]
 
@@ -106,7 +107,8 @@ def factors_of(car: Car, law: Any, names: Sequence[str], span: float = SPAN) -> 
     """The parameters by name, each with the range that it is given as ``NAME=LOW:HIGH``, or the usual one.
 
     Names are those of the assist (``steer_env.tuning.parameters``), ``load``, ``friction_level``, ``road_friction`` and
-    ``speed``, ``friction.KEY`` of the law, and ``SECTION.KEY`` of a car file with a number.
+    ``speed``, ``friction.KEY`` of the law or ``friction.SITE.KEY`` of sites, and ``SECTION.KEY`` of a car file with a
+    number.
 
     Raises
     ------
@@ -146,8 +148,10 @@ def _factor(car: Car, law: Any, name: str, ends: tuple[float, float] | None, spa
         if name == "road_friction":
             limits = SCENARIO.least_road_friction, limits[1]
     else:
-        own, of_law = _number_of(car, law, name), law_of(law).units if name.startswith(FRICTION) else UNITS
-        unit = of_law.get(name.removeprefix(FRICTION), "SI")
+        own, unit = _number_of(car, law, name), UNITS.get(name, "SI")
+        if name.startswith(FRICTION):
+            given, key = _of_friction(law, name)
+            unit = LAWS[given["law"]].units.get(key, "SI")
         by = FACTOR_OF_LAW if name.startswith(FRICTION) else FACTOR
         usual, limits = (own / by, own * by), (-math.inf, math.inf)
         if ends is None and own <= 0.0:
@@ -163,12 +167,24 @@ def _factor(car: Car, law: Any, name: str, ends: tuple[float, float] | None, spa
 def _number_of(car: Car, law: Any, name: str) -> float:
     """The value of a parameter of the law or of a key of the car."""
     section, _, key = name.partition(".")
-    found = friction.as_mapping(law) if section == "friction" else car.data().get(section)
+    found: Any = car.data().get(section)
+    if section == "friction":
+        found, key = _of_friction(law, name)
     value = found.get(key) if isinstance(found, dict) else None
     if isinstance(value, bool) or not isinstance(value, int | float):
-        kinds = f"{', '.join(KNOWN)}, {', '.join(CONDITIONS)}, friction.KEY, or SECTION.KEY of a car file with a number"
+        kinds = f"{', '.join(KNOWN)}, {', '.join(CONDITIONS)}, friction.KEY or friction.SITE.KEY, or SECTION.KEY "
+        kinds += "of a car file with a number"
         raise ValueError(f"--parameters has no number {name!r}; there are {kinds}")
     return float(value)
+
+
+def _of_friction(law: Any, name: str) -> tuple[dict[str, Any], str]:
+    """The law, of sites that of the site, of which a name that begins with ``FRICTION`` is a parameter, and its key."""
+    given, key = friction.as_mapping(law), name.removeprefix(FRICTION)
+    if not isinstance(law, Sites):
+        return given, key
+    site, _, key = key.partition(".")
+    return given.get(site, {}), key
 
 
 def value(factor: Range, x: float) -> float:
@@ -206,7 +222,7 @@ def _prepared(study: Study, values: Mapping[str, float]) -> tuple[driving.Prepar
     known = (*KNOWN, *CONDITIONS)
     changes = {key: x for key, x in values.items() if key not in known and not key.startswith(FRICTION)}
     car = cars.load(study.car.data(), changes=changes) if changes else study.car
-    resolved = friction.resolve({**friction.as_mapping(study.law), **law}) if law else study.law
+    resolved = friction.varied(study.law, law) if law else friction.resolve(study.law)
     drawn = undrawn(car, resolved, conditions["speed"])._replace(**conditions)
     return driving.prepare(SCENARIO, car, study.chassis, drawn)
 

@@ -21,8 +21,8 @@ def add(parser: argparse.ArgumentParser) -> None:
     options.add(parser, "--targets", default="compact")
     options.add(parser, "--friction", default="lugre")
     text = (
-        ": of the assist by name, load, friction_level, road_friction, speed, friction.KEY of the law, SECTION.KEY of "
-        "a car file; with a range as column.K_tb=100:180"
+        ": of the assist by name, load, friction_level, road_friction, speed, friction.KEY of the law or "
+        "friction.SITE.KEY of sites, SECTION.KEY of a car file; with a range as column.K_tb=100:180"
     )
     options.add(parser, "--parameters", text, otherwise="those of the assist", nargs="+", action="extend")
     text = "parameters beside those of --parameters, e.g. load friction_level column.K_tb"
@@ -48,13 +48,15 @@ def run(args: argparse.Namespace) -> None:
     from steer_env.experiments.pages import pages as page
     from steer_env.experiments.pages import provenance
     from steer_env.experiments.pages.options import progress
+    from steer_env.friction.sites import Sites
 
     page.check(args.out, sensitivity_page.NAME)
     sweep, wanted = runner(args), targets.load(args.targets)
-    car, law = car_options.load(args), friction.resolve(getattr(args.friction, "parameters", args.friction))
+    given = getattr(args.friction, "text", args.friction)
+    car, law = car_options.load(args), friction.resolve(given)
     factors = sensitivity.factors_of(car, law, [*(args.parameters or problem.USED), *args.also], args.span)
     design = screening.design(len(factors), args.method, args.samples or SAMPLES[args.method], args.seed)
-    study = sensitivity.Study(car, law, args.chassis, factors)
+    study = sensitivity.Study(car, given if isinstance(law, Sites) else law, args.chassis, factors)
     label = getattr(args.friction, "label", args.friction)
     with progress("driving") as notify:
         results = sensitivity.collect(study, wanted, label, design, sweep, notify)

@@ -7,8 +7,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-# That of steer_env.friction.law, which takes longer to import.
+# Those of steer_env.friction.law and steer_env.friction.sites, which take longer to import.
 FRICTION = "LAW[,key=value...], a list of numbers as a:b:c, or a fitted FILE.json"
+SITES = "LAW[,key=value...]@SITE, several joined by +; @column_eps is all of its sites"
 LONG = 10.0  # time from which on work without a terminal says how far it is [s]
 
 
@@ -18,7 +19,7 @@ class Friction:
     Parameters
     ----------
     text : str
-        ``LAW[,key=value...]``, a list of numbers as ``a:b:c``; or the name of a file with a fitted law.
+        ``LAW[,key=value...]``, a list of numbers as ``a:b:c``; the name of a file with a fitted law; or several sites.
 
     Attributes
     ----------

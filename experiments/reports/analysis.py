@@ -8,8 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from steer_env import friction
 from steer_env.experiments.calibration import margin_map
 from steer_env.experiments.calibration.margin_map import KPH, RESTING, Cell
+from steer_env.friction import sites
 from steer_env.vehicle.analysis import assist_loop, limit_cycle, linearised
 from steer_env.vehicle.analysis.assist_loop import FREQUENCIES
 from steer_env.vehicle.analysis.limit_cycle import Compared
@@ -48,6 +50,7 @@ class Results(NamedTuple):
     factors: Array  # on the slope of the boost
     boost_modes: list[Complexes]  # over factors, at the worst cell [1/s]
     cycles: list[tuple[float, str, Compared]]  # speed [km/h], hands, and the limit cycle
+    driven_back_db: float  # by which a gear that slides and is driven back raises the loop's gain [dB]
 
     @property
     def worst(self) -> Cell:
@@ -126,6 +129,7 @@ def collect(
         factors=factors,
         boost_modes=boost_modes,
         cycles=cycles,
+        driven_back_db=20.0 * math.log10(sites.driven_back(friction.resolve(p))),
     )
 
 

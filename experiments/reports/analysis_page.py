@@ -179,5 +179,6 @@ def build(results: Results) -> tuple[Page, dict[str, Any]]:
             "gain_db": min(c.gain_db for c in results.cells if c.margins),
         },
         "missed": [c.where for c in missed(results.cells)],
+        "driven_back_db": results.driven_back_db,
     }
     return _page(results), data

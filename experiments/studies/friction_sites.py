@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.optimize import brentq
 
-from steer_env import friction, manoeuvres
+from steer_env import friction, manoeuvres, metrics
 from steer_env.experiments.pages import car_options, friction_pictures, pages
 from steer_env.experiments.pages.options import progress
 from steer_env.experiments.pages.words import label
@@ -33,16 +33,19 @@ EQUAL_TORQUE, EQUAL_LOSS = "the same sliding torque", "the same energy lost on c
 TESTS = ("weave", "transition", "slow-ramp", "step-steer", "release", "returnability", "pulse", "catch-up", "parking")
 SMALL = 0.5  # lateral acceleration of the weave in which the response is read [m/s2]
 NONE = {"law": "viscous", "sigma_2": 0.0}
+RETURN = "return of the handwheel"
+RETURN_SPEEDS = (0.0, 10.0, 35.0)  # from a standing car to that of the test [km/h]
+WORMS = (0.9, 0.85)  # efficiencies of the gears whose return is told; assumed
 SHOWN = 10  # metrics that tell the sites apart best
 
 
-def sites(site: str, F_c: float) -> dict[str, Any]:
-    """The friction of a site with a sliding torque [N m]."""
+def sites(site: str, F_c: float, efficiency: float = EFFICIENCY) -> dict[str, Any]:
+    """The friction of a site with a sliding torque [N m], and with an efficiency if it is the gear."""
     own = {"law": LAW, "F_c": F_c}
     return {
         BASE: {"lower_column": own},
         ABOVE: {"upper_column": own},
-        GEAR: {"gear": {**own, "efficiency": EFFICIENCY}},
+        GEAR: {"gear": {**own, "efficiency": efficiency}},
     }[site]
 
 
@@ -69,6 +72,7 @@ class Results(NamedTuple):
     response: Claim  # yaw rate over hand torque in a small weave [deg/s/(N m)]
     over_angle: Claim  # yaw rate over handwheel angle in it [1/s]
     deadband: Claim  # torque dead band of the weave [N m]
+    returns: dict[str, tuple[float, ...]]  # site -> handwheel angle 3 s after it was let go, at RETURN_SPEEDS [deg]
 
 
 def loop_area(car: Car, site: str, F_c: float) -> float:
@@ -109,8 +113,23 @@ def _claim(found: Sequence[np.ndarray]) -> Claim:
     return Claim(float(without.mean()), gap_between(without, below), gap_between(without, above))
 
 
+def _returns(car: Car) -> dict[str, tuple[float, ...]]:
+    """Of the lower column and of worm gears, each with the same sliding torque."""
+    laws = {BASE: sites(BASE, defaults.F_C)}
+    laws |= {f"{GEAR}, efficiency {worm:g}": sites(GEAR, defaults.F_C, worm) for worm in WORMS}
+    tests = [replace(manoeuvres.make("returnability"), speed=kph / 3.6, chassis="two_track") for kph in RETURN_SPEEDS]
+    return {
+        site: tuple(
+            metrics.evaluate(manoeuvres.drive(car, test, law))["handwheel_angle_after_3s"].value for test in tests
+        )
+        for site, law in laws.items()
+    }
+
+
 def _case(job: tuple[Car, str | None, float | None]) -> Any:
     car, site, F_c = job
+    if site == RETURN:
+        return _returns(car)
     return _claims(car) if site is None else _of_site((car, site, F_c))
 
 
@@ -124,14 +143,17 @@ def collect(car: Car, sweep: Runner = run, notify: Callable[[float, str], None] 
     """
     car = car._replace(steering={**car.steering, "friction_load": 0.0})
     names = [(EQUAL_TORQUE, BASE), (EQUAL_TORQUE, ABOVE), (EQUAL_TORQUE, GEAR), (EQUAL_LOSS, ABOVE), (EQUAL_LOSS, GEAR)]
-    jobs = [(car, site, defaults.F_C if term == EQUAL_TORQUE else None) for term, site in names]
-    *found, claims = sweep(
-        _case, [*jobs, (car, None, None)], notify=notify, words=lambda job: job[1] or "published claims"
+    jobs: list[tuple[Car, str | None, float | None]] = [
+        (car, site, defaults.F_C if term == EQUAL_TORQUE else None) for term, site in names
+    ]
+    jobs += [(car, None, None), (car, RETURN, None)]
+    *found, (response, over_angle, deadband), returns = sweep(
+        _case, jobs, notify=notify, words=lambda job: job[1] or "published claims"
     )
     terms: dict[str, dict[str, Site]] = {EQUAL_TORQUE: {}, EQUAL_LOSS: {BASE: found[0]}}
     for (term, site), result in zip(names, found):
         terms[term][site] = result
-    return Results(car, terms, *claims)
+    return Results(car, terms, response, over_angle, deadband, returns)
 
 
 def differences(term: dict[str, Site]) -> dict[str, dict[str, Difference]]:
@@ -169,6 +191,10 @@ def build(results: Results) -> tuple[pages.Page, dict[str, Any]]:
         "law": LAW,
         "efficiency": EFFICIENCY,
         "small": SMALL,
+        "return_speeds": RETURN_SPEEDS,
+        "return_kph": [f"{kph:g} km/h" for kph in RETURN_SPEEDS],
+        "worms": list(results.returns)[1:],
+        "return_rows": [(site, *(f"{angle:.1f}" for angle in angles)) for site, angles in results.returns.items()],
         "torques": {site: of.F_c for site, of in results.terms[EQUAL_LOSS].items()},
         "best": best,
         "rows": rows,
@@ -208,6 +234,7 @@ def as_json(results: Results, rows: dict[str, dict[str, dict[str, Difference]]])
         "response_deg_s_nm": results.response._asdict(),
         "response_per_s": results.over_angle._asdict(),
         "torque_deadband_nm": results.deadband._asdict(),
+        "handwheel_angle_after_3s_deg": {"speeds_kph": RETURN_SPEEDS, **results.returns},
     }
 
 

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from steer_env.friction import sites
 from steer_env.friction.law import LAWS
 from steer_env.friction.numerics.packing import Leaf, leaves
 from steer_env.vehicle.cars.car import ROAD_FRICTION
@@ -32,7 +33,8 @@ _MU = ("chassis.mu", "chassis.body.mu")
 BOOLEAN = ("robot",)
 # Bounds of the inputs that are the road under each wheel, by the start of their names; that of the slope is assumed.
 _ROAD = {"height": HEIGHT, "slope": (-2.0, 2.0), "friction": FRICTION}
-_PASSIVE = ("kg m2", "N m/rad", "N m s/rad")  # units of what would give energy below zero
+# Units of what would give energy below zero, or friction that shrinks with its load.
+_PASSIVE = ("kg m2", "N m/rad", "N m s/rad", "1/N", "1/(N m)")
 # Section of a car file and start of its keys, by the path to the fields.
 _SECTIONS = {
     "column": ("column", ""),
@@ -113,7 +115,8 @@ def described(leaf: Leaf, field: str, owner: type | None) -> tuple[str, str]:
 
 def _key(name: str, field: str, unit: str) -> tuple[str, Key] | None:
     """The key of a car file that a parameter is, with its name there; None where it is none."""
-    section, start = _SECTIONS.get(name.rpartition(".")[0], ("", ""))
+    owner = re.sub(r"^friction\.\w+\.level$", "level", name.rpartition(".")[0])  # a site's is as the car's
+    section, start = _SECTIONS.get(owner, ("", ""))
     named = _KEYS.get(field, field) if section == "chassis" else f"{start}{field}"
     found = declared_keys().get(section, {}).get(named)
     return (named, found) if found is not None and found.unit == unit else None
@@ -169,7 +172,11 @@ def _settable(leaf: Leaf) -> bool:
 
 def _parameters(subsystem: Subsystem) -> Iterator[Variable]:
     for leaf in leaves(subsystem.parameters):
-        if leaf.path[0] not in subsystem.sections or not _settable(leaf):
+        section, *path = leaf.path
+        if section not in subsystem.sections or not _settable(leaf):
+            continue
+        at_site = section == "friction" and isinstance(subsystem.parameters.friction, sites.Sites)
+        if at_site and not sites.acts(subsystem.parameters.friction, *path):
             continue
         for name, field, owner, place, value in _elements(leaf):
             text, unit = described(leaf, field, owner)
@@ -177,7 +184,7 @@ def _parameters(subsystem: Subsystem) -> Iterator[Variable]:
                 bounds = _ROAD[field.partition("_")[0]]
                 yield Variable(f"road_{field}", unit, text, "NUMBERS", place, "INPUT", False, value, *bounds)
                 continue
-            use = "TUNABLE" if leaf.path[0] in TUNABLE else "FIXED"
+            use = "TUNABLE" if section in TUNABLE else "FIXED"
             if name in BOOLEAN:
                 yield Variable(name, "", text, "NUMBERS", place, use, True, value)
                 continue
@@ -186,6 +193,8 @@ def _parameters(subsystem: Subsystem) -> Iterator[Variable]:
                 text = f"{key[0].replace('_', ' ')}: {key[1].meaning}" if key[0].islower() else key[1].meaning
             if name.startswith("assist.functions."):  # of which some have fields of one name
                 text = f"{' '.join(name.split('.')[2:-1]).replace('_', ' ')}: {text}"
+            if at_site:
+                text = f"{path[0].replace('_', ' ')}: {text}"
             text += _place(subsystem, name)
             bounds = _bounds(subsystem, name, unit, key and key[1], value)
             yield Variable(name, unit, text, "NUMBERS", place, use, False, value, *bounds)

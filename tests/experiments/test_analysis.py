@@ -54,6 +54,32 @@ def test_page_of_a_car(tmp_path, capsys):
 
 
 @pytest.mark.whole
+def test_a_worm_gear_is_told_where_it_takes_margin(tmp_path):
+    """20 log(1/0.88) = 1.11 dB, which the test of the gear in the car finds; sliding margins know no other friction."""
+    found = {}
+    for name, law in (("one", "lugre"), ("gear", "lugre,efficiency=0.88@gear+coulomb,F_c=0.1@upper_column")):
+        assert main(["analyse", "--vehicle", "compact", "--friction", law, "--out", str(tmp_path / name)]) == 0
+        page = (tmp_path / name / "index.html").read_text(encoding="utf-8")
+        assert ("the loop's gain is larger by 1.1 dB" in page.replace("&#39;", "'")) == (name == "gear")
+        found[name] = json.loads((tmp_path / name / "analyse.json").read_text(encoding="utf-8"))
+    assert found["one"]["driven_back_db"] == 0.0
+    assert found["gear"]["driven_back_db"] == pytest.approx(1.11, abs=0.01)
+    sliding = [[c for c in each["map"] if c["friction"] == margin_map.SLIDING] for each in found.values()]
+    assert sliding[0] == sliding[1]
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize("name", cars.available())
+def test_every_packaged_car_keeps_its_margins_with_a_part_of_the_friction_above_the_bar(name, monkeypatch):
+    """At every point of the whole map that the car reaches, with 15 % of the friction there."""
+    monkeypatch.undo()
+    split = {"upper_column": "lugre,F_c=0.135", "gear": "lugre,F_c=0.765"}
+    cells = margin_map.standing(cars.load(name)) + margin_map.of_car(cars.load(name), split, (0.0,), "single_track")
+    assert sum(cell.margins is not None for cell in cells) > 150
+    assert margin_map.missed(cells) == []
+
+
+@pytest.mark.whole
 def test_every_page_has_the_margins_of_one_function(tmp_path):
     """At standstill, of pages of the car and of the analysis, of the report, a tuning and the tuning environment."""
     for command in (["car", "compact", "--page"], ["analyse", "--vehicle", "compact"]):

@@ -285,6 +285,7 @@ def test_vehicle_names_the_cars_and_friction_the_form_of_a_law():
         assert action.help.startswith(", ".join(cars.available()))
     for action in _options("--friction").values():
         assert action.help.startswith("friction law: LAW[,key=value...]")
+        assert "; or sites, LAW[,key=value...]@SITE" in action.help
 
 
 # What computes many cases, each by itself. A training and a fit are one computation; a measurement of time and a

@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from steer_env.experiments.cli.main import main
@@ -35,6 +36,18 @@ def test_published_signs(made):
     band, response = made[1]["torque_deadband_nm"], made[1]["response_deg_s_nm"]
     assert band["above"][1] > band["below"][2] > 0.0
     assert response["above"][2] < response["below"][1] < 0.0
+
+
+def test_a_worm_gear_returns_a_little_less(made):
+    """The worse the gear, the more angle is left at every speed; the faster the car, the less."""
+    page, numbers = made
+    left = numbers["handwheel_angle_after_3s_deg"]
+    assert left.pop("speeds_kph") == [0.0, 10.0, 35.0]
+    angles = np.array(list(left.values()))
+    assert list(left) == ["lower column", "worm gear, efficiency 0.9", "worm gear, efficiency 0.85"]
+    assert np.all(np.diff(angles, axis=0) > 0.0)
+    assert np.all(np.diff(angles, axis=1) < 0.0)
+    assert f"{angles[0, 1]:.1f}" in page
 
 
 def test_the_page_says_what_to_measure(made):

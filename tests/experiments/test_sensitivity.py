@@ -128,6 +128,20 @@ def test_what_is_refused_is_told_and_the_rest_is_kept(car, tmp_path):
         )
 
 
+def test_a_parameter_of_a_site_is_varied_as_if_it_were_given(car):
+    """The growth of the gear's friction stays that of its efficiency; a site that is not there is refused."""
+    text = "lugre,F_c={},efficiency=0.88@gear+coulomb,F_c={}@upper_column"
+    given, names = text.format(0.8, 0.1), ("friction.gear.F_c", "friction.upper_column.F_c")
+    factors = sensitivity.factors_of(car, friction.resolve(given), names)
+    assert [(f.low, f.own, f.high, f.unit) for f in factors] == [(0.4, 0.8, 1.6, "N m"), (0.05, 0.1, 0.2, "N m")]
+    (varied,) = sensitivity.evaluate(Block(Study(car, given, "single_track", factors), ((0.6, 0.15),), "varied"))
+    own = Study(car, text.format(0.6, 0.15), "single_track", sensitivity.factors_of(car, LAW, PAIR))
+    (expected,) = sensitivity.evaluate(Block(own, (tuple(f.own for f in own.factors),), "given"))
+    assert varied == expected
+    with pytest.raises(ValueError, match=r"has no number 'friction.rack.F_c'"):
+        sensitivity.factors_of(car, friction.resolve(given), ("load", "friction.rack.F_c"))
+
+
 @pytest.mark.whole
 def test_page_json_and_repeatability(tmp_path):
     """The command twice in other places and processes: the same numbers to the bit; bands, signs."""

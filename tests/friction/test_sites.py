@@ -1,6 +1,7 @@
 """Friction above and below the torsion bar, and a gear's growth with its load."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -291,8 +292,12 @@ def test_laws_that_fall_on_both_sides_of_a_stiff_bar_are_refused_together():
     for one in ({"upper_column": steep[0]}, {"rack": steep[1]}):
         step_limit.checked(p._replace(friction=friction.resolve(one)))
     both = p._replace(friction=friction.resolve({"upper_column": steep[0], "rack": steep[1]}))
-    with pytest.raises(ValueError, match="the torsion bar: its torque falls"):
+    with pytest.raises(
+        ValueError, match=r"'stribeck' at (rack, below|upper_column, above) the torsion bar: "
+    ) as refused:
         step_limit.checked(both)
+    fall, allowed = map(float, re.search(r"by up to (\S+) .* allows less than ([^,]+),", str(refused.value)).groups())
+    assert allowed < fall
 
 
 def test_what_knows_one_site_refuses_several():

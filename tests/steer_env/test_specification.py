@@ -10,7 +10,7 @@ import pytest
 from gymnasium.envs.registration import EnvSpec
 
 from steer_env import drivers, friction
-from steer_env.experiments.pages.options import FRICTION
+from steer_env.experiments.pages.options import FRICTION, SITES
 from steer_env.registration import REGISTERED
 from steer_env.vehicle import cars, road
 from steer_env.vehicle import tyre as tyres
@@ -153,6 +153,8 @@ def test_what_is_drawn_of_a_law_leaves_the_rest_as_given():
 def test_the_command_line_describes_a_law_as_the_library_does():
     with pytest.raises(ValueError, match=re.escape(f"expected {FRICTION}, each key once, got 'lugre,'")):
         friction.resolve("lugre,")
+    with pytest.raises(ValueError, match=re.escape(f"expected {SITES}, each site once, got 'lugre@'")):
+        friction.resolve("lugre@")
 
 
 def test_a_car_of_a_mapping_is_that_of_a_file(tmp_path):

@@ -50,6 +50,21 @@ def test_gain_margin_is_where_the_plant_becomes_unstable(turn, torque, hands, la
     assert growth(point, 1.005 * found.gain) > 1.0 + 1e-5
 
 
+@pytest.mark.parametrize("torque", [0.0, 1.7])
+def test_a_site_above_the_bar_holds_the_handwheel_or_nothing(turn, torque):
+    """Dry friction at rest there holds a free handwheel as hands do; where hands hold it, it is not in the loop."""
+    point, f = steady(turn, torque=torque), margins.FREQUENCIES
+    above, below = {"upper_column": "coulomb,F_c=0.1"}, {"gear": "lugre"}
+    loops = {
+        (hands, law and tuple(law)): assist_loop.open_loop(held(point, hands, law)).response(f)
+        for hands, law in (("on", None), ("off", above), ("off", None), ("on", below), ("on", above | below))
+    }
+    found = loops["off", ("upper_column",)]
+    np.testing.assert_allclose(found, loops["on", None], rtol=1e-6)
+    assert np.abs(found / loops["off", None] - 1.0).max() > 0.01
+    np.testing.assert_allclose(loops["on", ("upper_column", "gear")], loops["on", ("gear",)], rtol=1e-9)
+
+
 @pytest.mark.parametrize("hands", ["on", "off"])
 def test_delay_margin_is_where_the_plant_becomes_unstable(hands):
     """A boost is scaled until whole samples are its delay margin; without motor damping, which the plant delays too."""

@@ -1,17 +1,19 @@
 """Where friction sits, in the column with assist and in the whole car: closed forms, statics and published signs."""
 
 import math
+from itertools import cycle
 
 import gymnasium as gym
 import numpy as np
 import pytest
 
-import steer_env  # noqa: F401  # registers the ids
 from steer_env import friction, manoeuvres
 from steer_env.friction import law, sites
 from steer_env.friction.level import Level
+from steer_env.registration import id_of
 from steer_env.vehicle import cars, plant
 from steer_env.vehicle.cars import load
+from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST
 from steer_env.vehicle.steering import column
 
 F, GAIN, ROAD = 0.4, 4.0, 30.0  # friction [N m], assist [N m/N m], road spring at the column [N m/rad]
@@ -40,7 +42,9 @@ def test_a_worm_gear_in_parking_is_statics():
     car = load("compact")
     for efficiency in (0.85, 0.9):
         given = {"gear": {"law": "masing", "efficiency": efficiency}}
-        found = manoeuvres.drive(car, manoeuvres.make("parking"), given).channels
+        recording = manoeuvres.drive(car, manoeuvres.make("parking"), given)
+        assert recording.meta["friction"] == "masing@gear"
+        found = recording.channels
         w, rack, T_m = found["column_speed"], car.steering["pinion_radius"] * found["rack_force"], found["motor_torque"]
         steady = np.abs(w) > 0.3
         growth = np.where(w * T_m > 0.0, 1.0 - efficiency, 1.0 / efficiency - 1.0) * np.abs(T_m)
@@ -50,27 +54,94 @@ def test_a_worm_gear_in_parking_is_statics():
         assert np.quantile(np.abs(left[steady]), 0.9) < 0.01 * np.abs(T_m).max()
 
 
-@pytest.mark.parametrize("chassis", ["single_track", "two_track"])
-def test_environments_take_sites_single_and_vector(chassis):
-    one = gym.make("steer_env/AssistWeave-v2", friction=TWO, chassis=chassis)
-    many = gym.make_vec("steer_env/AssistWeave-v2", num_envs=2, friction=TWO, chassis=chassis)
-    seen, _ = one.reset(seed=3)
-    all_seen, _ = many.reset(seed=[3, 4])
-    for k in range(30):
-        np.testing.assert_array_equal(all_seen[0], seen)
-        action = np.array([0.3 * math.sin(0.2 * k)], np.float32)
-        seen, reward, *_ = one.step(action)
-        all_seen, rewards, *_ = many.step(np.stack([action, action]))
-        assert rewards[0] == reward
+@pytest.mark.parametrize(("side", "factor"), [(1.0, 0.88), (-1.0, 1.0 / 0.88)])
+def test_the_gain_of_the_motor_follows_the_efficiency_of_a_sliding_gear(side, factor):
+    """A small change of the motor's torque, of 8 Hz, in a turn of the handwheel: less drives, more is driven back.
+
+    The assist itself is off, and the motor has a torque of 3 N m to the left.
+    """
+    car = load("compact", changes={"steering.friction_load": 0.0})
+    car = car._replace(assist=car.assist._replace(boost=0.0 * car.assist.boost, damping=0.0 * car.assist.damping))
+    t = 1e-3 * np.arange(1, 3001)
+    wave = np.exp(2j * math.pi * 8.0 * t)
+
+    def response(friction_of_gear):
+        ends = []
+        for size in (0.02, -0.02):
+            p = car.plant(friction_of_gear, 60.0 / 3.6, robot=True)
+            state, u = plant.settled(p)[0], np.zeros((t.size, len(plant.INPUTS)))
+            record = np.zeros((t.size, len(plant.channels(p))))
+            u[:, plant.HAND], u[:, plant.HAND_SPEED] = 0.5 * side * t, 0.5 * side
+            u[:, ASSIST_REQUEST] = 3.0 + size * wave.imag
+            plant.run(p, state, u, record, 1)
+            ends.append(record[:, plant.CHANNEL["torsion_bar_torque"]])
+        return np.mean(((ends[0] - ends[1]) / wave)[-1000:])
+
+    found = response("masing,F_c=0.5,efficiency=0.88@gear") / response("masing,F_c=0.5@gear")
+    assert abs(found / factor - 1.0) < 0.01
+
+
+WEAVE, ROWS = id_of("AssistWeave"), 5
+# Every law above the bar and every law at places below it, in turn with the chassis; the first two in every run.
+LAWS = ("coulomb", "masing", *(law for law in friction.available() if law not in ("coulomb", "masing")))
+PLACED = [
+    pytest.param(above, below, place, chassis, marks=[] if i < 2 else pytest.mark.whole)
+    for i, (above, below, place, chassis) in enumerate(
+        zip(LAWS, (*LAWS[3:], *LAWS[:3]), cycle(sites.BELOW), cycle(("two_track", "single_track")))
+    )
+]
+
+
+def drawn_parameter(law, low, high):
+    """The range of a parameter of a law that is its sliding torque, or the damping of one without."""
+    return ("sigma_2", (0.1 * low, 0.1 * high)) if law == "viscous" else ("F_c", (low, high))
+
+
+@pytest.mark.parametrize(("above", "below", "place", "chassis"), PLACED)
+def test_every_row_of_a_vector_is_the_single_environment(above, below, place, chassis):
+    """To the bit, with a worm gear beside the sites and with everything drawn; a copied state goes on alike."""
+    laws = {"upper_column": above, place: below}
+    if place != "gear":
+        laws["gear"] = "coulomb,F_c=0.3,efficiency=0.88"
+    keys = {
+        site: drawn_parameter(laws[site], *ends) for site, ends in (("upper_column", (0.05, 0.2)), (place, (0.5, 1)))
+    }
+    arguments = {
+        "friction": laws,
+        "chassis": chassis,
+        "randomise": {
+            "friction": {f"{site}.{key}": ends for site, (key, ends) in keys.items()},
+            "friction_level": (0.5, 1.5),
+            "friction_asymmetry": (-0.2, 0.2),
+            "load": (0, 300),
+            "sensor_noise": (0, 1),
+        },
+    }
+    many, single = gym.make_vec(WEAVE, num_envs=ROWS, **arguments), [gym.make(WEAVE, **arguments) for _ in range(ROWS)]
+    seen = many.reset(seed=7)[0]
+    for i, env in enumerate(single):
+        np.testing.assert_array_equal(env.reset(seed=7 + i)[0], seen[i])
+    rng = np.random.default_rng(0)
+    for k in range(100):
+        actions = rng.uniform(-0.4, 0.4, (ROWS, 1)).astype(np.float32)
+        seen, rewards, *_ = many.step(actions)
+        if k == 50:
+            kept = single[0].unwrapped.get_state()
+            single[0].reset(seed=99)
+            single[0].unwrapped.set_state(kept)
+        for i, env in enumerate(single):
+            own, reward, *_ = env.step(actions[i])
+            np.testing.assert_array_equal(own, seen[i])
+            assert reward == rewards[i]
 
 
 def test_sites_are_drawn():
-    env = gym.make("steer_env/AssistWeave-v2", friction=TWO, randomise={"friction": {"upper_column.F_c": (0.1, 0.3)}})
+    env = gym.make(WEAVE, friction=TWO, randomise={"friction": {"upper_column.F_c": (0.1, 0.3)}})
     drawn = [env.reset(seed=seed)[1]["conditions"]["friction_upper_column.F_c"] for seed in range(3)]
     assert len(set(drawn)) == 3
     assert all(0.1 <= each <= 0.3 for each in drawn)
     with pytest.raises(ValueError, match="the site of friction must be"):
-        gym.make("steer_env/AssistWeave-v2", friction=TWO, randomise={"friction": {"rack.F_c": (0.1, 0.3)}})
+        gym.make(WEAVE, friction=TWO, randomise={"friction": {"rack.F_c": (0.1, 0.3)}})
 
 
 def test_a_law_alone_is_one_site_below_the_bar():

@@ -32,6 +32,19 @@ def test_a_cycle_of_the_car_is_predicted(unstable, law, hands):
     assert found[0].agrees
 
 
+@pytest.mark.whole
+def test_a_cycle_beside_friction_above_the_bar_is_predicted(unstable):
+    """Where hands hold the handwheel, friction above the bar does not matter, and the law below it alone decides."""
+    laws = {"gear": "lugre"}, {"gear": "lugre", "upper_column": "coulomb,F_c=0.3"}
+    alone, beside = (limit_cycle.compare(unstable, law) for law in laws)
+    assert alone == beside
+    assert len(beside) == 1
+    assert beside[0].agrees
+    assert limit_cycle.predict(unstable, {"upper_column": "coulomb"}) == limit_cycle.predict(
+        unstable, "viscous,sigma_2=0"
+    )
+
+
 def test_the_cycle_that_does_not_attract_is_the_threshold(unstable):
     """Hands on, a start well below it comes to rest, one well above it goes to the cycle that attracts."""
     threshold, cycle = limit_cycle.predict(unstable, "lugre")

@@ -66,7 +66,11 @@ def off(point, law, n=250, larger=(1.0, 3.0)):
     return worst
 
 
-@pytest.mark.parametrize("law", [None, "lugre"])
+ABOVE, BELOW = {"upper_column": "lugre,F_c=0.1"}, {"gear": {"law": "lugre", "efficiency": 0.88}, "rack": "dahl,F_c=0.3"}
+PLACES = [pytest.param(law, marks=pytest.mark.whole) for law in (ABOVE, BELOW, ABOVE | BELOW)]
+
+
+@pytest.mark.parametrize("law", [None, "lugre", *PLACES])
 @pytest.mark.parametrize("hands", HANDS)
 @pytest.mark.parametrize("torque", [0.0, 1.7])
 def test_motion_is_that_of_the_plant(turns, torque, hands, law):

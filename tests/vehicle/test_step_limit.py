@@ -43,6 +43,17 @@ def test_the_refusal_names_law_slope_step_and_remedy():
             make()
 
 
+def test_the_refusal_names_the_site_that_limits():
+    text = ",".join(f"{key}={value}" if key != "law" else value for key, value in STEEP.items())
+    car = cars.load()
+    with pytest.raises(
+        ValueError, match=r"friction law 'lugre' at rack, below the torsion bar: .*less than 105.*steps"
+    ):
+        car.plant(f"{text}@rack+masing@gear+coulomb@upper_column")
+    with pytest.raises(ValueError, match=r"friction law 'lugre' at upper_column, above the torsion bar: .*less than "):
+        car.plant(f"{text}@upper_column+masing@gear")
+
+
 def test_the_longest_step_that_is_told_is_the_longest():
     p = cars.load().plant("coulomb")
     with pytest.raises(ValueError, match="steps of up to") as refused:

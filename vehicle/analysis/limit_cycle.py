@@ -13,6 +13,8 @@ speed over the request r and the disturbance d of the rack (E17). With x = A, d 
 
 are two real equations for A and omega. At complex omega the growth of a motion whose amplitude is a little larger tells
 whether the cycle attracts. The filter behind the boost and the rest must pass little of the third harmonic.
+N is that of the friction below the torsion bar at its own level: that above it, which moves with free hands only, and
+the growth of a gear's friction with the motor's torque are in the simulation alone.
 """
 
 import math
@@ -23,6 +25,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import RectBivariateSpline
 from scipy.optimize import root
 
+from steer_env import friction
+from steer_env.friction import sites
 from steer_env.friction.describing_function import describing_function
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.vehicle import plant
@@ -89,7 +93,8 @@ class _Balance:
         self.damping = boost_curve(a, 0.0, point.speed)[1]
         self.boost = np.array([boost_curve(a, float(t), point.speed)[0] for t in a.torques])
         self.filter = answer(point.plant.assist, 1.0, 0.0)
-        values = np.array([[describing_function(law, A, f).value for f in _RATES] for A in AMPLITUDES])
+        below = sites.below(friction.resolve(law))
+        values = np.array([[describing_function(below, A, f).value for f in _RATES] for A in AMPLITUDES])
         over = np.log(AMPLITUDES), np.log(_RATES)
         self._friction = [RectBivariateSpline(*over, part * AMPLITUDES[:, None]) for part in (values.real, values.imag)]
 
@@ -129,8 +134,8 @@ def predict(point: Point, law: Any) -> list[Cycle]:
     ----------
     point : Point
         Straight running, with sliding friction, of :mod:`steer_env.vehicle.analysis.operating_point`.
-    law : str or parameters
-        The friction.
+    law : str, mapping or parameters
+        The friction, in a form of :func:`steer_env.friction.resolve`.
     """
     balance = _Balance(point, law)
     responses = balance.loop.plant_response(FREQUENCIES)
@@ -171,7 +176,7 @@ def simulate(point: Point, law: Any, amplitude: float, time: float = 20.0) -> Mo
     ----------
     point : Point
         As in :func:`predict`.
-    law : str or parameters
+    law : str, mapping or parameters
     amplitude : float
         Of the column angle at the start, at rest [rad].
     time : float

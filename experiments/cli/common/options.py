@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from steer_env.experiments.cli.common import extras, names
 from steer_env.experiments.learning.constants import HELD_OUT, SHIPPED, VALIDATION
 from steer_env.experiments.pages import car_options
-from steer_env.experiments.pages.options import FRICTION, Friction
+from steer_env.experiments.pages.options import FRICTION, SITES, Friction
 
 if TYPE_CHECKING:
     from steer_env.experiments.explore.beside import Beside
@@ -48,7 +48,7 @@ __all__ = [
 
 
 def friction_law(text: str) -> Friction:
-    """A friction law with its parameters, ``LAW[,key=value...]``."""
+    """A friction law with its parameters, ``LAW[,key=value...]``, or several sites."""
     try:
         return Friction(text)
     except ValueError as error:
@@ -129,7 +129,7 @@ OPTIONS = {
     "--chassis": _Declaration("chassis model", "CHASSIS"),
     "--env": _Declaration("environment", "ID"),
     "--episodes": _Declaration("number of episodes", "N", whole_number(1)),
-    "--friction": _Declaration(f"friction law: {FRICTION}", "LAW", friction_law),
+    "--friction": _Declaration(f"friction law: {FRICTION}; or sites, {SITES}", "LAW", friction_law),
     "--held-out": _Declaration("share of the record, its last part, that judges and is not fitted", "SHARE", real),
     "--law": _Declaration("laws to fit", "LAW"),
     "--hands": _Declaration("what the hands give", "GIVEN"),

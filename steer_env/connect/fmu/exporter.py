@@ -19,9 +19,8 @@ from steer_env.connect.fmu import binary, description
 from steer_env.connect.fmu.description import STEP_NOTE
 from steer_env.connect.fmu.object_code import PLATFORMS, SOURCE, Processor, module_text, object_code, processor
 from steer_env.connect.variables import Variable, variables, with_road
-from steer_env.friction import law_of
 from steer_env.friction.numerics.check import one_of
-from steer_env.friction.sites import as_mapping
+from steer_env.friction.sites import as_mapping, named
 from steer_env.vehicle import cars, subsystems
 from steer_env.vehicle.subsystems import Subsystem
 from steer_env.vehicle.subsystems.poses import with_poses
@@ -56,7 +55,7 @@ def export(
     subsystem : {"car", "steering", "chassis"}
         What the unit contains.
     friction : str, mapping or parameters
-        A friction law as :func:`steer_env.friction.resolve` takes it; the chassis alone has none.
+        A friction law, or sites, as :func:`steer_env.friction.resolve` takes them; the chassis alone has none.
     vehicle : str, path, mapping or Car
         A car, or what makes one, as :func:`steer_env.vehicle.cars.load` takes it.
     chassis : str
@@ -89,7 +88,7 @@ def export(
     wanted = _checked(Path(path), subsystem, fmi, platforms)
     loaded = vehicle if isinstance(vehicle, cars.Car) else cars.load(vehicle)
     p = loaded.plant(friction, speed, robot, road_friction, chassis)
-    name, rolls = law_of(p.friction).name, f"chassis {chassis}, held speed {speed:.6g} m/s"
+    name, rolls = named(p.friction), f"chassis {chassis}, held speed {speed:.6g} m/s"
     contents, label = {
         "car": (f"friction law {name}, {rolls}", name),
         "steering": (f"friction law {name}", name),

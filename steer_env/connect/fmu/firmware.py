@@ -9,8 +9,8 @@ import numpy as np
 
 from steer_env.connect.fmu.object_code import module_text, object_for
 from steer_env.connect.variables import Variable, described, variables
-from steer_env.friction import law_of
 from steer_env.friction.numerics.packing import Leaf, leaves
+from steer_env.friction.sites import named
 from steer_env.vehicle import cars, subsystems
 from steer_env.vehicle.subsystems import Subsystem
 
@@ -45,7 +45,7 @@ def export_object(
     folder : str or Path
         Is made where it is missing; files with these names are replaced.
     friction : str, mapping or parameters
-        A friction law as :func:`steer_env.friction.resolve` takes it.
+        A friction law, or sites, as :func:`steer_env.friction.resolve` takes them.
     vehicle : str, path, mapping or Car
         A car, or what makes one, as :func:`steer_env.vehicle.cars.load` takes it.
     speed : float
@@ -71,7 +71,7 @@ def export_object(
     listed = variables(made, 2)
     name = car.name.replace("*/", "* /")  # which would end the comment
     told = {
-        "told": f"Car {name}, friction law {law_of(p.friction).name}; steer-env {metadata.version('steer-env')}.",
+        "told": f"Car {name}, friction law {named(p.friction)}; steer-env {metadata.version('steer-env')}.",
         "inputs": [_scalar(v) for v in listed if v.use == "INPUT"],
         "outputs": [_scalar(v) for v in listed if v.use == "OUTPUT"],
         "parameters": parameters(made),

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.courses.iso3888 import outline
-from steer_env.friction.law import law_of
 from steer_env.friction.numerics.check import positive
 from steer_env.friction.numerics.packing import leaves
+from steer_env.friction.sites import named
 from steer_env.manoeuvres.common.definition import Manoeuvre
 from steer_env.manoeuvres.common.shapes import ramp_and_hold
 from steer_env.recording.recording import Recording
@@ -368,7 +368,7 @@ def drive_plant(
             "vehicle": car.name,
             "chassis": manoeuvre.chassis,
             "tyre": car.tyre.name,
-            "friction": law_of(p.friction).name,
+            "friction": named(p.friction),
             "friction_parameters": ",".join(
                 f"{'.'.join(each.path)}={_text(each.value)}" for each in leaves(p.friction)
             ),

@@ -84,7 +84,12 @@ def test_steering(tmp_path):
 @pytest.mark.whole
 @pytest.mark.parametrize(
     ("law", "chassis", "robot"),
-    [("lugre", "two_track", True), ("masing", "single_track", True), ("coulomb", "two_track", False)],
+    [
+        ("lugre", "two_track", True),
+        ("masing", "single_track", True),
+        ("coulomb", "two_track", False),
+        ("masing,efficiency=0.88@gear+coulomb,F_c=0.1@upper_column", "two_track", False),
+    ],
 )
 def test_steering_of_other_laws(tmp_path, law, chassis, robot):
     steering_equals(tmp_path, law, chassis, robot)

@@ -23,6 +23,7 @@ from steer_env.vehicle.plant import CHANNEL
 
 SPEED = 100.0 / 3.6
 LAWS = "lugre", "lugre,F_c=1.1", "lugre,F_c=1.2"  # of one structure, which is compiled once
+SITES = "masing,efficiency=0.88@gear+coulomb,F_c=0.1@upper_column", "masing@gear+coulomb,F_c=0.05@upper_column"
 
 
 def session(folder, device=None, laws=LAWS[:2], **options):
@@ -83,8 +84,9 @@ def test_the_road_begins_anew_under_the_car_and_the_recording_goes_on(tmp_path):
     assert steps.max() < 1.1 * np.median(steps)
 
 
-def test_a_drive_is_recorded_and_configurations_change_while_driving(tmp_path):
-    drive = session(tmp_path)
+@pytest.mark.parametrize("laws", [LAWS[:2], SITES])
+def test_a_drive_is_recorded_and_configurations_change_while_driving(laws, tmp_path):
+    drive = session(tmp_path, laws=laws)
     with drive:
         until(lambda: drive.time() > 0.5)
         drive.command("swap")
@@ -97,12 +99,12 @@ def test_a_drive_is_recorded_and_configurations_change_while_driving(tmp_path):
         assert shown.held == pytest.approx(105.0 / 3.6)
         until(lambda: drive.time() > now + 0.3)
     assert shown.device == drive.device.about
-    assert [info.label for info in shown.configurations] == list(LAWS[:2])
+    assert [info.label for info in shown.configurations] == list(laws)
     assert not drive.failure
     told = [words for _, words in drive.events]
     assert told == [
-        "configuration 2: lugre,F_c=1.1",
-        "configuration 1: lugre",
+        f"configuration 2: {laws[1]}",
+        f"configuration 1: {laws[0]}",
         "there is no configuration 5",
         "speed held at 105 km/h",
     ]
@@ -111,7 +113,7 @@ def test_a_drive_is_recorded_and_configurations_change_while_driving(tmp_path):
     assert recording["target_speed"].max() == pytest.approx(5.0 / 3.6)
     assert recording["watchdog_gain"][-1] < 1.0  # it has faded
     assert recording.meta["device"] == drive.device.about
-    assert [each["label"] for each in recording.meta["sets"]] == list(LAWS[:2])
+    assert [each["label"] for each in recording.meta["sets"]] == list(laws)
     assert np.isfinite([recording[name] for name in recording.channels]).all()
 
 

@@ -131,6 +131,20 @@ def test_a_switch_between_any_two_laws_under_a_hand_torque_does_not_jump(torque)
     assert worst_switch(LAWS, torque, robot=False)[0] < MARK
 
 
+# One law, and friction at several sites whose memories have as many states as names of the other.
+SITES = {
+    law: ("compact", law, "single_track")
+    for law in ("lugre", "masing,efficiency=0.85@gear+lugre,F_c=0.1@upper_column", "coulomb@rack+dahl@upper_column")
+}
+
+
+@pytest.mark.parametrize(
+    ("amplitude", "speed", "robot"), [(1.0, 100.0 / 3.6, True), (4.0, 3.0, True), (3.0, 27.8, False)]
+)
+def test_a_switch_between_sites_does_not_jump(amplitude, speed, robot):
+    assert worst_switch(SITES, amplitude, speed=speed, robot=robot)[0] < MARK
+
+
 def test_a_configuration_that_took_over_is_the_car_itself():
     """Soon behind the switch to an equal chassis, the torque is that of a drive with the other configuration alone."""
     kinds = {law: ("compact", law, "two_track") for law in ("lugre", "masing")}
