@@ -54,6 +54,7 @@ PASSES = 2  # of least squares where several torques are compared, the second wi
 SETTLED = 1e-3  # least deviation of a torque that a covariance knows, assumed [N m]
 LEVEL_MIN = 1e-3  # of a law, which has no level of zero [N m]
 OFFSETS = {"handwheel_torque": "T_0", "torsion_bar_torque": "T_0b", "motor_torque": "T_0m"}  # torque -> its offset
+NO_LAW = "no dry law was fitted, so that nothing is told of friction above the torsion bar or below it"
 ADDED = {"F_u", "x_u", *OFFSETS.values()}  # terms with which the car moves alike
 FEWEST = {"fitted": 45.0, "judging": 10.0}  # seconds of either part that must be compared, assumed [s]
 
@@ -100,7 +101,7 @@ class ColumnFit(NamedTuple):
 
     @property
     def shown(self) -> dict[str, bool]:
-        """Whether friction at the level of each site is shown: whether its interval is above zero."""
+        """Whether the friction of each level is shown: whether its interval is above zero."""
         return {name: self.intervals[name][0] > 0.0 for name in ("F_u", "F_c") if name in self.terms}
 
 
@@ -164,7 +165,7 @@ def fit_column(
         left[None] - left[law],
         interval_of(drawn[None] - drawn[law]),
         tuple(dict.fromkeys(limited)),
-        one_site(d),
+        one_site(d) or ("" if law else NO_LAW),
     )
 
 
