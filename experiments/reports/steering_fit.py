@@ -96,8 +96,9 @@ def fitted_car(fit: ColumnFit, name: str) -> cars.Car:
     return base._replace(
         name=f"{base.name}_{name}",
         description=f"{base.name}, with boost, motor damping{trail} and friction identified from the drive {name}",
-        source=f"identified from the drive {name}: assist.boost, assist.damping{trail} and the friction in friction.json"
-        f" beside this file, with steering.friction_load = 0. Everything else is the prior, {base.name}: {base.source}",
+        source=f"identified from the drive {name}: assist.boost, assist.damping{trail} and the friction in "
+        "friction.json beside this file, with steering.friction_load = 0. Everything else is the prior, "
+        f"{base.name}: {base.source}",
     )
 
 
