@@ -26,13 +26,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, lsq_linear
 
 from steer_env import friction
 from steer_env.friction.numerics.thread_pool import one_blas_thread
 from steer_env.hand_torque import Drive, Identified
 from steer_env.hand_torque.drive import TORQUES as RECORDED
-from steer_env.hand_torque.fit import X_C, blocks, interval_of, redrawn, sums_of, widened
+from steer_env.hand_torque.fit import X_C, Sums, blocks, interval_of, redrawn, sums_of, widened
 from steer_env.hand_torque.model import RATE, has_distance, stretched
 from steer_env.manoeuvres import Manoeuvre
 from steer_env.manoeuvres.common.driving import OpenLoop, build_plant, drive_plant, open_loop
@@ -54,6 +54,9 @@ PASSES = 2  # of least squares where several torques are compared, the second wi
 SETTLED = 1e-3  # least deviation of a torque that a covariance knows, assumed [N m]
 LEVEL_MIN = 1e-3  # of a law, which has no level of zero [N m]
 OFFSETS = {"handwheel_torque": "T_0", "torsion_bar_torque": "T_0b", "motor_torque": "T_0m"}  # torque -> its offset
+# What the intervals of two levels add: for a boost that is not (H3), which moves one level against the other, and for
+# noise of the angle, which takes away from friction that builds up at once; both as drives of known friction show.
+MISFIT, LOST = 0.05, 0.2  # [N m], [1]
 NO_LAW = "no dry law was fitted, so that nothing is told of friction above the torsion bar or below it"
 ADDED = {"F_u", "x_u", *OFFSETS.values()}  # terms with which the car moves alike
 FEWEST = {"fitted": 45.0, "judging": 10.0}  # seconds of either part that must be compared, assumed [s]
@@ -146,7 +149,7 @@ def fit_column(
         for each in dict.fromkeys((None, law)):
             notify(0.3 * len(squares), f"column and chassis with {each or 'no dry friction'}")
             terms, intervals = _fitted(_part(car, d, early, speed, each), terms, seed)
-            limited += _at_limits(terms)
+            limited += _at_limits({name: terms[name] for name in terms if intervals[name] != (X_C[0], X_C[-1])})
             squares[each] = _errors(_part(car, d, late, speed, each), terms)[:, 0] ** 2
     block = blocks(squares[None].size)
     times = redrawn(int(block.max()) + 1, seed)
@@ -368,15 +371,37 @@ def _fitted(
     count = len(of.n)
     rows = count * len(part.torques)
     wide = widened(rows, max(rows - len(names), 1))
-    draws = [wide * np.linalg.lstsq(np.tensordot(n, of.G, 1), n @ of.h)[0] for n in redrawn(count, seed)]
-    ends = np.clip(x - np.array([interval_of(values)[::-1] for values in np.array(draws).T]).T, least, largest)
+    bounds = (least - x) / step, (largest - x) / step
+    draws = wide * step * np.array([_least(n, of, step, bounds) for n in redrawn(count, seed)])
+    ends = np.clip(x + np.array([interval_of(values) for values in draws.T]).T, least, largest)
     low, high = np.minimum(ends[0], x), np.maximum(ends[1], x)
     terms = dict(zip(names, map(float, x)))
     intervals = {name: (float(a), float(b)) for name, a, b in zip(names, low, high)}
+    if len(part.torques) > 1:
+        intervals |= {level: _held(terms[level], *intervals[level]) for level in ("F_c", "F_u") if level in terms}
     for level, distance in (("F_c", "x_c"), ("F_u", "x_u")):
         if distance in intervals and not intervals[level][0] > 0.0:  # of no friction, nothing tells the distance
             intervals[distance] = (X_C[0], X_C[-1])
     return terms, intervals
+
+
+def _held(value: float, low: float, high: float) -> tuple[float, float]:
+    """The interval of one of two levels, from that of its blocks, with ``MISFIT`` and ``LOST`` [N m]."""
+    below, above = math.hypot(value - low, MISFIT), math.hypot(high - value, MISFIT, LOST * value)
+    return max(value - below, 0.0), value + above
+
+
+def _least(times: Array, of: Sums, step: Array, bounds: tuple[Array, Array]) -> Array:
+    """Change of the terms, in steps, that leaves least of the linearised car within their bounds.
+
+    ``times`` (B,) says how often a block counts. A term at its bound stays there, as it does in the fit, where without
+    bounds the others would give way to it.
+    """
+    G, h = np.tensordot(times, of.G, 1) * np.outer(step, step), -(times @ of.h) * step
+    values, vectors = np.linalg.eigh(G)
+    root = np.sqrt(np.maximum(values, 1e-9 * values[-1]))
+    changed: Array = lsq_linear(root[:, None] * vectors.T, vectors.T @ h / root, bounds, method="bvls").x
+    return changed
 
 
 def _at_limits(terms: Mapping[str, float]) -> list[str]:
