@@ -84,7 +84,7 @@ TERMS = {
     "x_u": Term(math.radians(0.3), X_C[0], X_C[-1], 4e-4, "rad", "its pre-sliding distance"),
     "T_0b": Term(0.0, -math.inf, math.inf, 0.05, "N m", "offset of the torsion bar's torque"),
     "T_0m": Term(0.0, -math.inf, math.inf, 0.05, "N m", "offset of the motor's torque"),
-    "n": Term(1.0, 0.0, 4.0, 0.02, "1", "factor on the pneumatic trail, and so on most of the rack force"),
+    "n": Term(1.0, 0.0, 10.0, 0.02, "1", "factor on the pneumatic trail, and so on most of the rack force"),
 }
 
 
@@ -92,7 +92,7 @@ class ColumnFit(NamedTuple):
     """A car that was fitted to a drive, and what it leaves of the part that judges."""
 
     car: cars.Car
-    friction: Any  # parameters of the law at its column; without a dry law viscous friction of zero
+    friction: Any  # parameters of the law at its column, or sites; without a dry law viscous friction of zero
     speed: float  # at which the boost is that of the terms, the mean of the fitted part [m/s]
     terms: Mapping[str, float]  # of ``TERMS``
     intervals: Mapping[str, tuple[float, float]]  # 95 %, from blocks drawn anew about the linearised car
@@ -182,7 +182,7 @@ def one_site(d: Drive) -> str:
     if len(d.torques) == 1:
         return (
             "the drive cannot tell friction above the torsion bar from friction below it: handwheel_torque has both, "
-            "and neither motor_torque nor torsion_bar_torque was recorded beside it"
+            "and it has no motor_torque or torsion_bar_torque beside it"
         )
     return ""
 
@@ -243,12 +243,10 @@ def _part(car: cars.Car, d: Drive, part: slice, boosted: float, law: str | None)
         others={TARGET_SPEED: lambda t: np.interp(t, time, speed) - speed[0]},
     )
     p = build_plant(car, manoeuvre, _below(law, {name: term.start for name, term in TERMS.items()}))
-    torques = (
-        {"torsion_bar_torque": d.torque}
-        if one_site(d)
-        else {name: d.torques[name] for name in RECORDED if name in d.torques}
-    )
-    offsets = {"torsion_bar_torque": "T_0"} if one_site(d) else {name: OFFSETS[name] for name in torques}
+    torques, offsets = {"torsion_bar_torque": d.torque}, {"torsion_bar_torque": "T_0"}
+    if not one_site(d):
+        torques = {name: d.torques[name] for name in RECORDED if name in d.torques}
+        offsets = {name: OFFSETS[name] for name in torques}
     measured = {name: values[part] for name, values in torques.items()}
     course = open_loop(p, manoeuvre)
     return _Part(car, law, p, manoeuvre, course, boosted, time, measured, offsets, _used(d, part))
@@ -336,7 +334,7 @@ def _fitted(
 
     def errors(x: Array) -> Array:
         terms = dict(zip(names, map(float, x)))
-        return _errors(part, terms, lambda _, all: moved(*(each for each in all.items() if each[0] not in ADDED)))
+        return _errors(part, terms, lambda _, given: moved(*(each for each in given.items() if each[0] not in ADDED)))
 
     def error(x: Array) -> Array:
         return (errors(x) @ white.T).ravel()

@@ -152,8 +152,8 @@ def sites_said(fit: ColumnFit) -> str:
     for level, where in SITES.items():
         low, high = fit.intervals[level]
         shown = f"{fit.terms[level]:.3f} N m [{low:.3f}, {high:.3f}]"
-        told.append(f"{where} it {shown if fit.shown[level] else f'not shown, at most {high:.3f} N m'}")
-    return f"friction is told above the torsion bar from below: {', '.join(told)}"
+        told.append(f"{where} {shown if fit.shown[level] else f'not shown, at most {high:.3f} N m'}")
+    return f"friction above the torsion bar is told from friction below it: {', '.join(told)}"
 
 
 def _row(row: Fitted) -> dict[str, Any]:

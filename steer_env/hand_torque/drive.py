@@ -37,7 +37,7 @@ class Drive(NamedTuple):
     fine_angle: Array  # (T,) handwheel angle, smoothed at ``FINE`` only [rad]
     speed: Array  # (T,) [m/s]
     torque: Array  # (T,) torque of the torsion bar, or of the hands, as recorded [N m]
-    torques: Mapping[str, Array]  # (T,) each: those of ``TORQUES`` that were recorded by these names [N m]
+    torques: Mapping[str, Array]  # (T,) each: those of ``TORQUES`` that were recorded and vary [N m]
     weight: Array  # (T,) 0 where a sample is left out, else 1 [1]
     prior: Prior  # of the lateral acceleration
     turns: int  # corrections: reversals of the angle after at least ``TURN``
@@ -89,6 +89,9 @@ def prepared(recording: Recording, prior: Prior | None = None) -> Drive:
     a = lateral_acceleration(prior, angle, speed)
     notes += _check_torque(a[used], angle[used], torque, used)
     torques = {name: read[channel] for channel, name in named.items() if name in TORQUES}
+    still = [name for name, values in torques.items() if not np.std(values[used]) > 0.0]
+    notes += tuple(f"{name} does not vary, and is not compared with a car" for name in still)
+    torques = {name: values for name, values in torques.items() if name not in still}
     for name, values in torques.items():
         _check_side(name, values[used], torque[used])
     record_notes, notes = notes, (*notes, *told)
@@ -134,7 +137,7 @@ def _channels(recording: Recording) -> tuple[dict[str, str], tuple[str, ...]]:
     others = [name for name in TORQUES if name in recording.channels and name not in found.values()]
     counted = [name for name in others if recording.units[name] == COUNTS]
     found |= {name: name for name in others if name not in counted}
-    return found, tuple(f"{name} is in counts of its sensor, and is not used" for name in counted)
+    return found, tuple(f"{name} is in counts of its sensor, and is not compared with a car" for name in counted)
 
 
 def even(recording: Recording, named: dict[str, str]) -> tuple[Array, Array, tuple[str, ...]]:
@@ -234,7 +237,7 @@ def _measured(
 
 def _check_side(name: str, values: Array, torque: Array) -> None:
     """ValueError for a torque that pushes right where that of the hands, or of the torsion bar, pushes left."""
-    if np.std(values) > 0.0 and (share := float(np.corrcoef(values, torque)[0, 1])) < -0.3:
+    if (share := float(np.corrcoef(values, torque)[0, 1])) < -0.3:
         raise ValueError(
             f"{name} pushes right where the other torques push left (correlation {share:.2f}): its sign is wrong, "
             f"--map {name}=NAME,sign=-1"

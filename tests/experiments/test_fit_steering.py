@@ -154,7 +154,7 @@ def test_what_is_told_of_both_sites_stands_on_the_page_and_drives_a_car(tmp_path
     found, fit = told("both")
     steering_fit.write(tmp_path / "out", found, "drive", fit, {"command": []})
     sentence = steering_fit.sites_said(fit)
-    assert f"above it {fit.terms['F_u']:.3f} N m [" in sentence
+    assert f": above {fit.terms['F_u']:.3f} N m [" in sentence
     assert sentence[1:] in (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
     held = friction.resolve(tmp_path / "out" / "friction.json")
     assert friction.as_mapping(held) == friction.as_mapping(fit.friction)
@@ -169,7 +169,7 @@ def test_what_is_told_of_both_sites_stands_on_the_page_and_drives_a_car(tmp_path
     [
         (BAR, "no handwheel_torque"),
         ((*BAR, "motor_torque"), "no handwheel_torque"),
-        (("handwheel_torque",), "neither motor_torque nor torsion_bar_torque was recorded"),
+        (("handwheel_torque",), "no motor_torque or torsion_bar_torque beside it"),
         (HANDS_AND_MOTOR, ""),
         (("handwheel_torque", *BAR), ""),
     ],

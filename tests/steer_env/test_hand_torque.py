@@ -193,9 +193,10 @@ def test_other_torques_are_kept_with_their_sign_and_unit():
     np.testing.assert_allclose(kept["motor_torque"], 3.0 * kept["torsion_bar_torque"])
     with refused(["motor_torque pushes right", "--map motor_torque=NAME,sign=-1"]):
         prepared(changed(motor_torque=(-motor, "N m")))
-    counted = prepared(changed(motor_torque=(motor, "counts")))
-    assert {*counted.torques} == {"torsion_bar_torque"}
-    assert "motor_torque is in counts of its sensor, and is not used" in counted.notes
+    for values, unit, why in ((motor, "counts", "is in counts of its sensor"), (0.0 * motor, "N m", "does not vary")):
+        without = prepared(changed(motor_torque=(values, unit)))
+        assert {*without.torques} == {"torsion_bar_torque"}
+        assert f"motor_torque {why}, and is not compared with a car" in without.notes
 
 
 def test_a_torque_in_counts_and_a_missing_speed_are_refused():
