@@ -16,6 +16,7 @@ from steer_env.recording.units import COUNTS
 ASSISTANCE = "assistance_active"  # channel that is not zero where something else than the hands steers
 USUAL = {"vehicle_speed": ("speed", "velocity", "v"), "torsion_bar_torque": ("handwheel_torque", "torque")}
 TORQUES = ("handwheel_torque", "torsion_bar_torque", "motor_torque")  # that a car which follows the drive has too
+FOLLOWS = 0.3  # correlation from which on one of these follows another; that of a motor at rest does not; assumed [1]
 FINE = 12.0  # low-pass of the angle that shows what the stronger one of the fit takes away [Hz]
 SHORTEST = 30.0  # of what is fitted and judged together; assumed [s]
 GAP = 0.1  # between two rows, from which on nothing is interpolated [s]
@@ -37,7 +38,7 @@ class Drive(NamedTuple):
     fine_angle: Array  # (T,) handwheel angle, smoothed at ``FINE`` only [rad]
     speed: Array  # (T,) [m/s]
     torque: Array  # (T,) torque of the torsion bar, or of the hands, as recorded [N m]
-    torques: Mapping[str, Array]  # (T,) each: those of ``TORQUES`` that were recorded and vary [N m]
+    torques: Mapping[str, Array]  # (T,) each: those of ``TORQUES`` that were recorded and follow each other [N m]
     weight: Array  # (T,) 0 where a sample is left out, else 1 [1]
     prior: Prior  # of the lateral acceleration
     turns: int  # corrections: reversals of the angle after at least ``TURN``
@@ -88,12 +89,13 @@ def prepared(recording: Recording, prior: Prior | None = None) -> Drive:
     prior, told = _measured(recording, prior, time, angle, speed, used)
     a = lateral_acceleration(prior, angle, speed)
     notes += _check_torque(a[used], angle[used], torque, used)
-    torques = {name: read[channel] for channel, name in named.items() if name in TORQUES}
-    still = [name for name, values in torques.items() if not np.std(values[used]) > 0.0]
-    notes += tuple(f"{name} does not vary, and is not compared with a car" for name in still)
-    torques = {name: values for name, values in torques.items() if name not in still}
-    for name, values in torques.items():
-        _check_side(name, values[used], torque[used])
+    torques = {}
+    for channel, name in named.items():
+        if name in TORQUES:
+            if _follows(name, read[channel][used], torque[used]):
+                torques[name] = read[channel]
+            else:
+                notes += (f"{name} does not follow the other torques, and is not compared with a car",)
     record_notes, notes = notes, (*notes, *told)
     turns = corrections(angle[used])
     if turns < FEWEST:
@@ -235,13 +237,15 @@ def _measured(
     return prior, ("no yaw rate: ratio, wheelbase and understeer are the stated prior",)
 
 
-def _check_side(name: str, values: Array, torque: Array) -> None:
-    """ValueError for a torque that pushes right where that of the hands, or of the torsion bar, pushes left."""
-    if (share := float(np.corrcoef(values, torque)[0, 1])) < -0.3:
+def _follows(name: str, values: Array, torque: Array) -> bool:
+    """Whether a torque follows that of the hands, or of the torsion bar; ValueError where it has the other sign."""
+    share = float(np.corrcoef(values, torque)[0, 1]) if min(np.std(values), np.std(torque)) > 0.0 else 0.0
+    if share < -FOLLOWS:
         raise ValueError(
             f"{name} pushes right where the other torques push left (correlation {share:.2f}): its sign is wrong, "
             f"--map {name}=NAME,sign=-1"
         )
+    return share > FOLLOWS
 
 
 def _check_torque(a: Array, angle: Array, whole: Array, used: Any) -> tuple[str, ...]:

@@ -193,7 +193,12 @@ def test_other_torques_are_kept_with_their_sign_and_unit():
     np.testing.assert_allclose(kept["motor_torque"], 3.0 * kept["torsion_bar_torque"])
     with refused(["motor_torque pushes right", "--map motor_torque=NAME,sign=-1"]):
         prepared(changed(motor_torque=(-motor, "N m")))
-    for values, unit, why in ((motor, "counts", "is in counts of its sensor"), (0.0 * motor, "N m", "does not vary")):
+    at_rest = np.random.default_rng(0).normal(0.0, 0.2, motor.size)
+    for values, unit, why in (
+        (motor, "counts", "is in counts of its sensor"),
+        (0.0 * motor, "N m", "does not follow the other torques"),
+        (at_rest, "N m", "does not follow the other torques"),
+    ):
         without = prepared(changed(motor_torque=(values, unit)))
         assert {*without.torques} == {"torsion_bar_torque"}
         assert f"motor_torque {why}, and is not compared with a car" in without.notes
