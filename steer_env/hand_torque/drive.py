@@ -104,7 +104,9 @@ def prepared(recording: Recording, prior: Prior | None = None) -> Drive:
             f"corrections: {FEWEST} are needed, so that no friction law is fitted",
         )
     fine = low_passed("handwheel_angle", read["handwheel_angle"], FINE, RATE)
-    return Drive(time, angle, fine, speed, torque, torques, weight, prior, turns, notes, record_notes)
+    return Drive(
+        time, angle, fine, speed, torque, torques, weight, prior, turns=turns, notes=notes, record_notes=record_notes
+    )
 
 
 def corrections(angle: Array) -> int:
