@@ -2,7 +2,8 @@
 
     {"friction": {"law": "lugre", "F_c": 0.93, ...}, "units": {"displacement": "rad", "torque": "N m"}, ...}
 
-The law stands under ``friction``, or alone as the mapping ``{"law": ...}``. Everything else is about the fit and is
+The law stands under ``friction``, or alone as the mapping ``{"law": ...}``; in its place may stand a mapping of sites,
+``{"upper_column": {"law": ...}, ...}``. Everything else is about the fit and is
 left to its reader; ``units`` are those of the record, and a law of other units is refused.
 """
 
@@ -25,7 +26,7 @@ def named(friction: Any) -> bool:
 
 
 def read(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """The mapping of the law that a file holds, ``{"law": name, parameter: value}``.
+    """The mapping of the law that a file holds, ``{"law": name, parameter: value}``, or of sites with such mappings.
 
     Warns of a level by load, direction or position, which is of the plant, and of one that the record did not
     determine.
@@ -35,16 +36,7 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
     ValueError
         If the file cannot be read, holds no law, or one of other units than rad and N m; with the file and the remedy.
     """
-    try:
-        data = toml.read(path, json.loads)
-    except OSError as error:
-        raise ValueError(
-            f"{path}: {error.strerror}: friction takes a file that 'steer-env fit-friction' wrote"
-        ) from None
-    law = data.get("friction", data) if isinstance(data, Mapping) else None
-    if not (isinstance(law, Mapping) and isinstance(law.get("law"), str)):
-        example = '{"friction": {"law": "lugre", "F_c": 1.2}}'
-        raise ValueError(f"{path} holds no friction law: it must be a mapping as {example}")
+    data, law = _contents(path)
     units = {**UNITS, **_mapping(path, data, "units")}
     if {name: units[name] for name in UNITS} != UNITS:
         raise ValueError(
@@ -73,6 +65,28 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
             stacklevel=2,
         )
     return dict(law)
+
+
+def of_sites(path: str | os.PathLike[str]) -> bool:
+    """Whether a file holds a mapping of sites, and not one law; ValueError as of :func:`read` for no file of a law."""
+    return "law" not in _contents(path)[1]
+
+
+def _contents(path: str | os.PathLike[str]) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
+    """All that a file holds, and its law or sites."""
+    try:
+        data = toml.read(path, json.loads)
+    except OSError as error:
+        raise ValueError(
+            f"{path}: {error.strerror}: friction takes a file that 'steer-env fit-friction' wrote"
+        ) from None
+    law = data.get("friction", data) if isinstance(data, Mapping) else None
+    given = law if isinstance(law, Mapping) else {}
+    held = [given] if "law" in given else [*given.values()]
+    if not (held and all(isinstance(each, Mapping) and isinstance(each.get("law"), str) for each in held)):
+        example = '{"friction": {"law": "lugre", "F_c": 1.2}}'
+        raise ValueError(f"{path} holds no friction law: it must be a mapping as {example}")
+    return data, given
 
 
 def _mapping(path: Any, data: Mapping[str, Any], key: str) -> Mapping[str, Any]:

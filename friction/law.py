@@ -257,6 +257,8 @@ def parts(friction: Any) -> tuple[str, dict[str, Any]]:
     """Name of the law and the parameters that are given, from a form of :func:`resolve`; they are not checked."""
     if fitted_file.named(friction):
         path, friction = friction, fitted_file.read(friction)
+        if "law" not in friction:
+            raise ValueError(f"{path} holds friction at {', '.join(friction)}, where one law is needed")
         if friction["law"] not in available():
             raise ValueError(
                 f"{path} holds the friction law {friction['law']!r}, which is not registered here: import the module "

@@ -587,8 +587,8 @@ def resolve(friction: Any) -> Any:
     ----------
     friction : str, mapping, parameters or Sites
         A law as :func:`steer_env.friction.law.resolve` takes it, which then sits below the torsion bar; a mapping of
-        sites as :func:`make_sites` takes it, or as text, ``"masing,efficiency=0.88@gear+coulomb@upper_column"``; or
-        sites, which are returned unchanged.
+        sites as :func:`make_sites` takes it, or as text, ``"masing,efficiency=0.88@gear+coulomb@upper_column"``, or in
+        a file (:mod:`steer_env.friction.fitted_file`); or sites, which are returned unchanged.
 
     Raises
     ------
@@ -599,6 +599,11 @@ def resolve(friction: Any) -> Any:
         return friction
     if isinstance(friction, Mapping) and friction.keys() & {ABOVE, *BELOW, *defaults.SHARES}:
         return make_sites(friction)
+    if fitted_file.named(friction) and fitted_file.of_sites(friction):
+        try:
+            return make_sites(fitted_file.read(friction))
+        except ValueError as error:
+            raise ValueError(f"{friction}: {error}") from None
     if isinstance(friction, str) and "@" in friction and not fitted_file.named(friction):
         return make_sites(_of_text(friction))
     return laws.resolve(friction)
@@ -693,4 +698,6 @@ def _as_given(friction: Any) -> dict[str, Any]:
     """Sites from a form of :func:`resolve` as they were given, so that what was left out follows what is changed."""
     if isinstance(friction, Sites):
         return as_mapping(friction)
+    if fitted_file.named(friction):
+        return fitted_file.read(friction)
     return _of_text(friction) if isinstance(friction, str) else dict(friction)

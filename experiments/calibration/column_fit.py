@@ -8,21 +8,31 @@ offset T_0 of the torque, which is added to that of the car, it is fitted by lea
 does not judge. The car follows handwheel angle and speed; the torque of the drive is only compared.
 
 Rack force, ratio and everything else are those of the car, so that a car with twice the rack force has twice 1 + s.
+
+Friction above the torsion bar adds to the torque of the hands and to nothing else that follows a handwheel angle: not
+to the torque of the bar, which is below it, and not to that of the motor, which follows the bar's. Where one of these
+was recorded beside that of the hands, the car is compared with all of them, and friction F_u with a pre-sliding
+distance x_u of its own sits above the bar. With the motor's torque rack force and boost are told apart too, by a factor
+n on the pneumatic trail. Errors of the channels are alike, as they come from the same road: each is weighted by the
+inverse of their covariance, which is that of the residuals of a first fit.
 """
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, lsq_linear
 
 from steer_env import friction
 from steer_env.friction.numerics.thread_pool import one_blas_thread
 from steer_env.hand_torque import Drive, Identified
-from steer_env.hand_torque.fit import X_C, blocks, interval_of, redrawn, sums_of, widened
+from steer_env.hand_torque.drive import TORQUES as RECORDED
+from steer_env.hand_torque.fit import X_C, Sums, blocks, interval_of, redrawn, sums_of, widened
 from steer_env.hand_torque.model import RATE, has_distance, stretched
 from steer_env.manoeuvres import Manoeuvre
 from steer_env.manoeuvres.common.driving import OpenLoop, build_plant, drive_plant, open_loop
@@ -31,6 +41,7 @@ from steer_env.vehicle import cars
 from steer_env.vehicle.chassis.common.interface import SPEED_MAX, SPEED_MIN, TARGET_SPEED
 from steer_env.vehicle.plant import Plant
 from steer_env.vehicle.steering import eps
+from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 Array = NDArray[np.float64]
 
@@ -39,6 +50,15 @@ RUN_IN = 10.0  # ... and from there to the first sample that is compared, so tha
 LONGEST = 300.0  # of either part that the car is driven through, next to where judging begins; assumed [s]
 TORQUES = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0, 1.5, 2.0, 3.0, 5.0, 7.0)  # of a row [N m]
 ROUNDS = 25  # of least squares, at most
+PASSES = 2  # of least squares where several torques are compared, the second with the covariance of the first
+SETTLED = 1e-3  # least deviation of a torque that a covariance knows, assumed [N m]
+LEVEL_MIN = 1e-3  # of a law, which has no level of zero [N m]
+OFFSETS = {"handwheel_torque": "T_0", "torsion_bar_torque": "T_0b", "motor_torque": "T_0m"}  # torque -> its offset
+# What the intervals of two levels add: for a boost that is not (H3), which moves one level against the other, and for
+# noise of the angle, which takes away from friction that builds up at once; both as drives of known friction show.
+MISFIT, LOST = 0.05, 0.2  # [N m], [1]
+NO_LAW = "no dry law was fitted, so that nothing is told of friction above the torsion bar or below it"
+ADDED = {"F_u", "x_u", *OFFSETS.values()}  # terms with which the car moves alike
 FEWEST = {"fitted": 45.0, "judging": 10.0}  # seconds of either part that must be compared, assumed [s]
 
 
@@ -57,9 +77,14 @@ TERMS = {
     "s": Term(3.0, 0.0, 15.0, 0.05, "1", "gradient of the boost"),
     "T_d": Term(0.1, 0.0, 1.0, 0.01, "N m", "dead band of the boost"),
     "D": Term(1.0, 0.0, 20.0, 0.05, "1", "factor on the motor damping"),
-    "F_c": Term(0.5, 1e-3, 6.0, 0.02, "N m", "level of the friction at the column"),
+    "F_c": Term(0.5, 0.0, 6.0, 0.02, "N m", "level of the friction at the column, below the torsion bar"),
     "x_c": Term(math.radians(0.3), X_C[0], X_C[-1], 4e-4, "rad", "its pre-sliding distance"),
     "T_0": Term(0.0, -math.inf, math.inf, 0.05, "N m", "offset of sensor and road"),
+    "F_u": Term(0.1, 0.0, 6.0, 0.02, "N m", "level of the friction above the torsion bar"),
+    "x_u": Term(math.radians(0.3), X_C[0], X_C[-1], 4e-4, "rad", "its pre-sliding distance"),
+    "T_0b": Term(0.0, -math.inf, math.inf, 0.05, "N m", "offset of the torsion bar's torque"),
+    "T_0m": Term(0.0, -math.inf, math.inf, 0.05, "N m", "offset of the motor's torque"),
+    "n": Term(1.0, 0.0, 10.0, 0.02, "1", "factor on the pneumatic trail, and so on most of the rack force"),
 }
 
 
@@ -67,14 +92,20 @@ class ColumnFit(NamedTuple):
     """A car that was fitted to a drive, and what it leaves of the part that judges."""
 
     car: cars.Car
-    friction: Any  # parameters of the law at its column; without a dry law viscous friction of zero
+    friction: Any  # parameters of the law at its column, or sites; without a dry law viscous friction of zero
     speed: float  # at which the boost is that of the terms, the mean of the fitted part [m/s]
     terms: Mapping[str, float]  # of ``TERMS``
     intervals: Mapping[str, tuple[float, float]]  # 95 %, from blocks drawn anew about the linearised car
-    residual: float  # root mean square that is left of the part that was not fitted [N m]
+    residual: float  # root mean square that is left of the hand torque, or the bar's, that was not fitted [N m]
     adds: float  # by how much it leaves less than the same car fitted without dry friction [N m]
     adds_interval: tuple[float, float]  # 95 % [N m]
     limited: tuple[str, ...]  # terms that ended at a limit of the search, with dry friction or without
+    one_site: str  # why the friction is that of one site, a sentence; empty where it is told above the bar from below
+
+    @property
+    def shown(self) -> dict[str, bool]:
+        """Whether the friction of each level is shown: whether its interval is above zero."""
+        return {name: self.intervals[name][0] > 0.0 for name in ("F_u", "F_c") if name in self.terms}
 
 
 def fit_column(
@@ -118,16 +149,18 @@ def fit_column(
         for each in dict.fromkeys((None, law)):
             notify(0.3 * len(squares), f"column and chassis with {each or 'no dry friction'}")
             terms, intervals = _fitted(_part(car, d, early, speed, each), terms, seed)
-            limited += _at_limits(terms)
-            squares[each] = _error(_part(car, d, late, speed, each), terms) ** 2
+            limited += _at_limits({name: terms[name] for name in terms if intervals[name] != (X_C[0], X_C[-1])})
+            squares[each] = _errors(_part(car, d, late, speed, each), terms)[:, 0] ** 2
     block = blocks(squares[None].size)
     times = redrawn(int(block.max()) + 1, seed)
     size = times @ np.bincount(block)
     drawn = {each: np.sqrt(times @ np.bincount(block, of) / size) for each, of in squares.items()}
     left = {each: float(np.sqrt(of.mean())) for each, of in squares.items()}
+    assist = {f"assist.{key}": value for key, value in changes(car, terms, speed).items()}
+    sites = {"lower_column": _below(law, terms), "upper_column": _above(law, terms)}
     return ColumnFit(
-        cars.load(car.data(), {f"assist.{key}": value for key, value in changes(car, terms, speed).items()}),
-        _law(law, terms),
+        _with_trail(cars.load(car.data(), assist), terms.get("n", 1.0)),
+        friction.resolve(sites if "F_u" in terms else sites["lower_column"]),
         speed,
         terms,
         intervals,
@@ -135,7 +168,23 @@ def fit_column(
         left[None] - left[law],
         interval_of(drawn[None] - drawn[law]),
         tuple(dict.fromkeys(limited)),
+        one_site(d) or ("" if law else NO_LAW),
     )
+
+
+def one_site(d: Drive) -> str:
+    """Why a drive cannot tell friction above the torsion bar from friction below it; empty where it can."""
+    if "handwheel_torque" not in d.torques:
+        return (
+            "the drive cannot tell friction above the torsion bar from friction below it: it has no handwheel_torque, "
+            "and no other torque contains what is above the bar"
+        )
+    if len(d.torques) == 1:
+        return (
+            "the drive cannot tell friction above the torsion bar from friction below it: handwheel_torque has both, "
+            "and it has no motor_torque or torsion_bar_torque beside it"
+        )
+    return ""
 
 
 def changes(car: cars.Car, terms: Mapping[str, float], speed: float) -> dict[str, Any]:
@@ -169,7 +218,8 @@ class _Part(NamedTuple):
     course: OpenLoop
     speed: float  # of the boost (H3) [m/s]
     time: Array  # (T,) from its start [s]
-    torque: Array  # (T,) measured [N m]
+    torques: Mapping[str, Array]  # channel of the car -> (T,) measured, that of the hands or the bar first [N m]
+    offsets: Mapping[str, str]  # channel of the car -> the offset of its torque, among ``TERMS``
     used: NDArray[np.bool_]  # (T,) that are compared
 
 
@@ -192,8 +242,14 @@ def _part(car: cars.Car, d: Drive, part: slice, boosted: float, law: str | None)
         chassis="two_track",
         others={TARGET_SPEED: lambda t: np.interp(t, time, speed) - speed[0]},
     )
-    p = build_plant(car, manoeuvre, _law(law, {name: term.start for name, term in TERMS.items()}))
-    return _Part(car, law, p, manoeuvre, open_loop(p, manoeuvre), boosted, time, d.torque[part], _used(d, part))
+    p = build_plant(car, manoeuvre, _below(law, {name: term.start for name, term in TERMS.items()}))
+    torques, offsets = {"torsion_bar_torque": d.torque}, {"torsion_bar_torque": "T_0"}
+    if not one_site(d):
+        torques = {name: d.torques[name] for name in RECORDED if name in d.torques}
+        offsets = {name: OFFSETS[name] for name in torques}
+    measured = {name: values[part] for name, values in torques.items()}
+    course = open_loop(p, manoeuvre)
+    return _Part(car, law, p, manoeuvre, course, boosted, time, measured, offsets, _used(d, part))
 
 
 def _used(d: Drive, part: slice) -> NDArray[np.bool_]:
@@ -201,37 +257,93 @@ def _used(d: Drive, part: slice) -> NDArray[np.bool_]:
     return (d.weight[part] > 0.0) & (d.time[part] - d.time[part.start] >= RUN_IN)
 
 
-def _law(law: str | None, terms: Mapping[str, float]) -> Any:
+def _law(law: str | None, level: float, distance: float) -> Any:
     if law is None:
         return friction.make("viscous", sigma_2=0.0)
-    return stretched(law, terms["F_c"], terms.get("x_c", TERMS["x_c"].start))
+    return stretched(law, max(level, LEVEL_MIN), distance)
 
 
-def _error(part: _Part, terms: Mapping[str, float]) -> Array:
-    """Torque of the car less the measured one, with the offset, where they are compared [N m]."""
+def _below(law: str | None, terms: Mapping[str, float]) -> Any:
+    return _law(law, terms.get("F_c", 0.0), terms.get("x_c", TERMS["x_c"].start))
+
+
+def _above(law: str | None, terms: Mapping[str, float]) -> Any:
+    return _law(law, terms.get("F_u", 0.0), terms.get("x_u", TERMS["x_u"].start))
+
+
+def _with_trail(car: cars.Car, factor: float) -> cars.Car:
+    """The car with a factor on the pneumatic trail of its tyres."""
+    if factor == 1.0:
+        return car
+    given = car.tyre.coefficients
+    scaled = given._replace(QDZ1=factor * given.QDZ1, QDZ2=factor * given.QDZ2)
+    name, source = f"{car.tyre.name}_trail", f"{car.tyre.source}; QDZ1 and QDZ2 times {factor:.3g}"
+    return car._replace(tyre=replace(car.tyre, name=name, source=source, coefficients=scaled))
+
+
+def _driven(part: _Part, terms: Mapping[str, float]) -> Mapping[str, Array]:
+    """Channels of the car with the terms that change how it moves."""
     assist = eps.make(**{**part.car.data()["assist"], **changes(part.car, terms, part.speed)})
-    changed = part.plant._replace(assist=assist, friction=_law(part.law, terms))
-    made = drive_plant(part.car, changed, part.manoeuvre, part.course)
-    torque = np.interp(part.time, made.time, made["torsion_bar_torque"])
-    return (torque + terms["T_0"] - part.torque)[part.used]
+    own = part.plant
+    if "n" in terms:
+        own = build_plant(_with_trail(part.car, terms["n"]), part.manoeuvre, own.friction)
+    own = own._replace(assist=assist, friction=_below(part.law, terms))
+    return drive_plant(part.car, own, part.manoeuvre, part.course).channels
+
+
+def _errors(
+    part: _Part,
+    terms: Mapping[str, float],
+    driven: Callable[[_Part, Mapping[str, float]], Mapping[str, Array]] = _driven,
+) -> Array:
+    """Torques of the car less the measured ones, with their offsets, where they are compared (T, channels) [N m]."""
+    made = driven(part, terms)
+    angle, added = made["handwheel_angle"], {}
+    if "F_u" in terms:  # a handwheel that is led feels it, and nothing below does (F43)
+        added["handwheel_torque"] = friction.response(_above(part.law, terms), angle, SAMPLE_TIME)
+    time = SAMPLE_TIME * np.arange(1.0, angle.size + 1.0)
+    errors = [
+        np.interp(part.time, time, made[name] + added.get(name, 0.0)) + terms[part.offsets[name]] - measured
+        for name, measured in part.torques.items()
+    ]
+    return np.column_stack(errors)[part.used]
+
+
+def _terms_of(part: _Part) -> list[str]:
+    """Names of the terms that are fitted to a part."""
+    lacks = {*OFFSETS.values()} - {*part.offsets.values()}
+    lacks |= set() if "motor_torque" in part.torques else {"n"}
+    lacks |= set() if "handwheel_torque" in part.torques else {"F_u", "x_u"}
+    lacks |= {"F_c", "x_c", "F_u", "x_u"} if part.law is None else set()
+    lacks |= set() if part.law is None or has_distance(part.law) else {"x_c", "x_u"}
+    return [name for name in TERMS if name not in lacks]
 
 
 def _fitted(
     part: _Part, start: Mapping[str, float], seed: int
 ) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
     """Terms that leave least of a part, and their intervals."""
-    lacks = ("F_c", "x_c") if part.law is None else () if has_distance(part.law) else ("x_c",)
-    names = [name for name in TERMS if name not in lacks]
+    names = _terms_of(part)
     least, largest, step = (np.array([TERMS[name][i] for name in names]) for i in (1, 2, 3))
+    white = np.diag([1.0 / np.std(each[part.used]) for each in part.torques.values()])  # (channels, channels)
+    bad = np.tile(10.0 * white @ [np.ptp(each) for each in part.torques.values()], part.used.sum())
+
+    @lru_cache(maxsize=2 * len(names))  # of what is the same for terms that only add to a torque
+    def moved(*moving: tuple[str, float]) -> Mapping[str, Array]:
+        return _driven(part, dict(moving))
+
+    def errors(x: Array) -> Array:
+        terms = dict(zip(names, map(float, x)))
+        return _errors(part, terms, lambda _, given: moved(*(each for each in given.items() if each[0] not in ADDED)))
 
     def error(x: Array) -> Array:
-        return _error(part, dict(zip(names, x)))
+        return (errors(x) @ white.T).ravel()
 
     def tried(x: Array) -> Array:
         try:
             return error(x)
         except ValueError:  # the loop is unstable, or the car spins: no good value
-            return np.full(part.used.sum(), 10.0 * np.ptp(part.torque))
+            return bad
 
     def slope(x: Array, here: Array, h: Array) -> Array:
         try:
@@ -245,16 +357,49 @@ def _fitted(
 
     x = np.array([start.get(name, TERMS[name].start) for name in names])
     error(x)  # tells why the car cannot be driven
-    best = least_squares(tried, x, slopes, (least, largest), x_scale=20.0 * step, ftol=1e-4, max_nfev=ROUNDS)
-    block = blocks(best.fun.size)
+    for k in range(PASSES if len(part.torques) > 1 else 1):
+        if k:
+            left = errors(x)
+            covariance = left.T @ left / len(left) + SETTLED**2 * np.eye(left.shape[1])
+            white = np.linalg.inv(np.linalg.cholesky(covariance))
+        best = least_squares(tried, x, slopes, (least, largest), x_scale=20.0 * step, ftol=1e-4, max_nfev=ROUNDS)
+        x = best.x
+    block = np.repeat(blocks(part.used.sum()), len(part.torques))
     of = sums_of(best.jac, best.fun, np.ones(best.fun.size), block)
     count = len(of.n)
-    wide = widened(count, max(count - len(names), 1))
-    draws = [wide * np.linalg.lstsq(np.tensordot(n, of.G, 1), n @ of.h)[0] for n in redrawn(count, seed)]
-    ends = np.clip(best.x - np.array([interval_of(values)[::-1] for values in np.array(draws).T]).T, least, largest)
-    low, high = np.minimum(ends[0], best.x), np.maximum(ends[1], best.x)
-    terms = dict(zip(names, map(float, best.x)))
-    return terms, {name: (float(a), float(b)) for name, a, b in zip(names, low, high)}
+    rows = count * len(part.torques)
+    wide = widened(rows, max(rows - len(names), 1))
+    bounds = (least - x) / step, (largest - x) / step
+    draws = wide * step * np.array([_least(n, of, step, bounds) for n in redrawn(count, seed)])
+    ends = np.clip(x + np.array([interval_of(values) for values in draws.T]).T, least, largest)
+    low, high = np.minimum(ends[0], x), np.maximum(ends[1], x)
+    terms = dict(zip(names, map(float, x)))
+    intervals = {name: (float(a), float(b)) for name, a, b in zip(names, low, high)}
+    if len(part.torques) > 1:
+        intervals |= {level: _held(terms[level], *intervals[level]) for level in ("F_c", "F_u") if level in terms}
+    for level, distance in (("F_c", "x_c"), ("F_u", "x_u")):
+        if distance in intervals and not intervals[level][0] > 0.0:  # of no friction, nothing tells the distance
+            intervals[distance] = (X_C[0], X_C[-1])
+    return terms, intervals
+
+
+def _held(value: float, low: float, high: float) -> tuple[float, float]:
+    """The interval of one of two levels, from that of its blocks, with ``MISFIT`` and ``LOST`` [N m]."""
+    below, above = math.hypot(value - low, MISFIT), math.hypot(high - value, MISFIT, LOST * value)
+    return max(value - below, 0.0), value + above
+
+
+def _least(times: Array, of: Sums, step: Array, bounds: tuple[Array, Array]) -> Array:
+    """Change of the terms, in steps, that leaves least of the linearised car within their bounds.
+
+    ``times`` (B,) says how often a block counts. A term at its bound stays there, as it does in the fit, where without
+    bounds the others would give way to it.
+    """
+    G, h = np.tensordot(times, of.G, 1) * np.outer(step, step), -(times @ of.h) * step
+    values, vectors = np.linalg.eigh(G)
+    root = np.sqrt(np.maximum(values, 1e-9 * values[-1]))
+    changed: Array = lsq_linear(root[:, None] * vectors.T, vectors.T @ h / root, bounds, method="bvls").x
+    return changed
 
 
 def _at_limits(terms: Mapping[str, float]) -> list[str]:

@@ -1,7 +1,8 @@
 """Identify hand torque and friction from a free drive, judged on what was not fitted.
 
 The drive holds handwheel angle, torque of the torsion bar and speed. Every friction law is fitted in turn. Writes a
-page and a car that was fitted to the drive, with its friction (docs/road_drive.md).
+page and a car that was fitted to the drive, with its friction: above the torsion bar and below it where the torque of
+the hands was recorded beside that of motor or torsion bar (docs/road_drive.md).
 """
 
 import argparse
@@ -67,6 +68,7 @@ def run(args: argparse.Namespace) -> None:
         with progress("fitting the car") as notify:
             of_car = fit_column(found, car, args.seed, notify)
         print(f"the car, fitted with boost and friction, leaves {of_car.residual:.3f} N m where nothing was fitted")
+        print(steering_fit.sites_said(of_car))
     except ValueError as error:
         of_car = str(error)
         print(f"no car is written: {of_car}")

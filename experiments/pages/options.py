@@ -3,9 +3,10 @@
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 # Those of steer_env.friction.law and steer_env.friction.sites, which take longer to import.
 FRICTION = "LAW[,key=value...], a list of numbers as a:b:c, or a fitted FILE.json"
@@ -45,9 +46,14 @@ class Friction:
         self.given = self.label = self.text = text
         self.parameters = friction.resolve(text)
         if fitted_file.named(text):
-            law = friction.as_mapping(self.parameters)
-            pairs = (f"{key}={_plain(value)}" for key, value in law.items() if key != "law")
-            self.label, self.text = Path(text).name, ",".join([law["law"], *pairs])
+            held = friction.as_mapping(self.parameters)
+            several = [f"{_text(law)}@{site}" for site, law in held.items()] if "law" not in held else [_text(held)]
+            self.label, self.text = Path(text).name, "+".join(several)
+
+
+def _text(law: Mapping[str, Any]) -> str:
+    """A law with its parameters as text without loss."""
+    return ",".join([law["law"], *(f"{key}={_plain(value)}" for key, value in law.items() if key != "law")])
 
 
 def _plain(value: float | list[float]) -> str:

@@ -32,6 +32,7 @@ SECONDS = 30.0  # of the judging part that are drawn over time [s]
 POINTS = 1500  # of a picture, at most
 TITLES = {NONE: "no damping, no friction", VISCOUS: "damping alone (viscous)"}
 NOTICED = SHARE * LEAST["N m"]  # smallest difference of a sustained torque that is known to be noticed [N m]
+SITES = {"F_u": "above", "F_c": "below"}  # level -> where its friction is, by the torsion bar
 PRIOR = ("ratio", "wheelbase", "understeer")  # of (H2), not determined
 
 
@@ -91,11 +92,13 @@ def law_file(fit: ColumnFit, law: str) -> dict[str, Any]:
 def fitted_car(fit: ColumnFit, name: str) -> cars.Car:
     """The fitted car with its name and where it comes from."""
     base = fit.car
+    trail = ", the pneumatic trail" if "n" in fit.terms else ""
     return base._replace(
         name=f"{base.name}_{name}",
-        description=f"{base.name}, with boost, motor damping and friction identified from the drive {name}",
-        source=f"identified from the drive {name}: assist.boost, assist.damping and the friction in friction.json "
-        f"beside this file, with steering.friction_load = 0. Everything else is the prior, {base.name}: {base.source}",
+        description=f"{base.name}, with boost, motor damping{trail} and friction identified from the drive {name}",
+        source=f"identified from the drive {name}: assist.boost, assist.damping{trail} and the friction in "
+        "friction.json beside this file, with steering.friction_load = 0. Everything else is the prior, "
+        f"{base.name}: {base.source}",
     )
 
 
@@ -132,11 +135,25 @@ def _car(fit: ColumnFit) -> dict[str, Any]:
         "residual": fit.residual,
         "adds": fit.adds,
         "adds_interval": list(fit.adds_interval),
+        "one_site": fit.one_site or None,
+        "shown": fit.shown,
         "terms": {
             name: {"value": value, "interval": list(fit.intervals[name]), "unit": TERMS[name].unit}
             for name, value in fit.terms.items()
         },
     }
+
+
+def sites_said(fit: ColumnFit) -> str:
+    """What the fit of a car says of friction above the torsion bar and below it, in one sentence."""
+    if fit.one_site:
+        return fit.one_site
+    told = []
+    for level, where in SITES.items():
+        low, high = fit.intervals[level]
+        shown = f"{fit.terms[level]:.3f} N m [{low:.3f}, {high:.3f}]"
+        told.append(f"{where} {shown if fit.shown[level] else f'not shown, at most {high:.3f} N m'}")
+    return f"friction above the torsion bar is told from friction below it: {', '.join(told)}"
 
 
 def _row(row: Fitted) -> dict[str, Any]:
@@ -193,6 +210,7 @@ def page_of(found: Identified, name: str, folder: str, of_car: ColumnFit | str =
         "of_car": None if isinstance(of_car, str) else of_car,
         "refused": of_car,
         "car_terms": TERMS,
+        "sites_said": "" if isinstance(of_car, str) else sites_said(of_car),
         "limited": () if isinstance(of_car, str) else of_car.limited,
         "longest": LONGEST,
         "run_in": RUN_IN,

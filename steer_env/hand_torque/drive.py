@@ -4,6 +4,7 @@ The torque stays as recorded, interpolated to the steps. Samples that say nothin
 gaps with what is beside them, and slow driving.
 """
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,6 +15,8 @@ from steer_env.recording.units import COUNTS
 
 ASSISTANCE = "assistance_active"  # channel that is not zero where something else than the hands steers
 USUAL = {"vehicle_speed": ("speed", "velocity", "v"), "torsion_bar_torque": ("handwheel_torque", "torque")}
+TORQUES = ("handwheel_torque", "torsion_bar_torque", "motor_torque")  # that a car which follows the drive has too
+FOLLOWS = 0.3  # correlation from which on one of these follows another; that of a motor at rest does not; assumed [1]
 FINE = 12.0  # low-pass of the angle that shows what the stronger one of the fit takes away [Hz]
 SHORTEST = 30.0  # of what is fitted and judged together; assumed [s]
 GAP = 0.1  # between two rows, from which on nothing is interpolated [s]
@@ -35,6 +38,7 @@ class Drive(NamedTuple):
     fine_angle: Array  # (T,) handwheel angle, smoothed at ``FINE`` only [rad]
     speed: Array  # (T,) [m/s]
     torque: Array  # (T,) torque of the torsion bar, or of the hands, as recorded [N m]
+    torques: Mapping[str, Array]  # (T,) each: those of ``TORQUES`` that were recorded and follow each other [N m]
     weight: Array  # (T,) 0 where a sample is left out, else 1 [1]
     prior: Prior  # of the lateral acceleration
     turns: int  # corrections: reversals of the angle after at least ``TURN``
@@ -55,16 +59,18 @@ class Drive(NamedTuple):
 def prepared(recording: Recording, prior: Prior | None = None) -> Drive:
     """A drive from a recording with ``handwheel_angle``, ``torsion_bar_torque`` and ``vehicle_speed``.
 
-    Where it has ``yaw_rate`` or ``lateral_acceleration``, the gain of (H2) is fitted to it.
+    Where it has ``yaw_rate`` or ``lateral_acceleration``, the gain of (H2) is fitted to it. Its other ``TORQUES`` are
+    kept for a car that follows the drive.
 
     Raises
     ------
     ValueError
-        For a missing channel, torque in counts, an angle of another unit or sign, hands that are off, or less than
-        ``SHORTEST`` of use; with the remedy.
+        For a missing channel, torque in counts, an angle or a torque of another unit or sign, hands that are off, or
+        less than ``SHORTEST`` of use; with the remedy.
     """
-    named = _channels(recording)
+    named, counted = _channels(recording)
     time, weight, notes = even(recording, named)
+    notes += counted
     read = {channel: at_instants(recording, name, time) for channel, name in named.items()}
     angle = smoothed(read["handwheel_angle"], 1.0 / RATE)
     speed, torque = read["vehicle_speed"], read["torsion_bar_torque"]
@@ -83,6 +89,13 @@ def prepared(recording: Recording, prior: Prior | None = None) -> Drive:
     prior, told = _measured(recording, prior, time, angle, speed, used)
     a = lateral_acceleration(prior, angle, speed)
     notes += _check_torque(a[used], angle[used], torque, used)
+    torques = {}
+    for channel, name in named.items():
+        if name in TORQUES:
+            if _follows(name, read[channel][used], torque[used]):
+                torques[name] = read[channel]
+            else:
+                notes += (f"{name} does not follow the other torques, and is not compared with a car",)
     record_notes, notes = notes, (*notes, *told)
     turns = corrections(angle[used])
     if turns < FEWEST:
@@ -91,7 +104,9 @@ def prepared(recording: Recording, prior: Prior | None = None) -> Drive:
             f"corrections: {FEWEST} are needed, so that no friction law is fitted",
         )
     fine = low_passed("handwheel_angle", read["handwheel_angle"], FINE, RATE)
-    return Drive(time, angle, fine, speed, torque, weight, prior, turns, notes, record_notes)
+    return Drive(
+        time, angle, fine, speed, torque, torques, weight, prior, turns=turns, notes=notes, record_notes=record_notes
+    )
 
 
 def corrections(angle: Array) -> int:
@@ -105,8 +120,8 @@ def corrections(angle: Array) -> int:
     return found
 
 
-def _channels(recording: Recording) -> dict[str, str]:
-    """Channel that is needed -> its name in the recording."""
+def _channels(recording: Recording) -> tuple[dict[str, str], tuple[str, ...]]:
+    """Channel that is needed, or is one of ``TORQUES`` -> its name in the recording; and what is told of it."""
     found = {}
     for channel, unit in {"handwheel_angle": "rad", "torsion_bar_torque": "N m", "vehicle_speed": "m/s"}.items():
         names = [name for name in (channel, *USUAL.get(channel, ())) if name in recording.channels]
@@ -123,7 +138,10 @@ def _channels(recording: Recording) -> dict[str, str]:
         if recording.units[names[0]] != unit:
             raise ValueError(f"{names[0]} is in {recording.units[names[0]]}, and {channel} is needed in {unit}")
         found[channel] = names[0]
-    return found
+    others = [name for name in TORQUES if name in recording.channels and name not in found.values()]
+    counted = [name for name in others if recording.units[name] == COUNTS]
+    found |= {name: name for name in others if name not in counted}
+    return found, tuple(f"{name} is in counts of its sensor, and is not compared with a car" for name in counted)
 
 
 def even(recording: Recording, named: dict[str, str]) -> tuple[Array, Array, tuple[str, ...]]:
@@ -219,6 +237,17 @@ def _measured(
         if share > 0.7:
             return prior._replace(gain=gain), (f"the gain of the lateral acceleration is fitted to {name}: {gain:.3g}",)
     return prior, ("no yaw rate: ratio, wheelbase and understeer are the stated prior",)
+
+
+def _follows(name: str, values: Array, torque: Array) -> bool:
+    """Whether a torque follows that of the hands, or of the torsion bar; ValueError where it has the other sign."""
+    share = float(np.corrcoef(values, torque)[0, 1]) if min(np.std(values), np.std(torque)) > 0.0 else 0.0
+    if share < -FOLLOWS:
+        raise ValueError(
+            f"{name} pushes right where the other torques push left (correlation {share:.2f}): its sign is wrong, "
+            f"--map {name}=NAME,sign=-1"
+        )
+    return share > FOLLOWS
 
 
 def _check_torque(a: Array, angle: Array, whole: Array, used: Any) -> tuple[str, ...]:

@@ -63,7 +63,10 @@ def separated(
     else:
         speed = np.gradient(smooth("handwheel_angle", recording["handwheel_angle"]), dt)
         bar = recording["handwheel_torque"] - c.I1 * np.gradient(speed, dt) - c.C1 * speed  # (C1)
-        notes += ("the torsion bar's torque is that of the hands less the inertia of the handwheel",)
+        notes += (
+            "the torsion bar's torque is that of the hands less the inertia of the handwheel: friction above the bar "
+            "cannot be told from friction below it, and is in the friction",
+        )
     if "column_angle" in recording.channels:
         angle = recording["column_angle"]
     else:

@@ -2,21 +2,26 @@
 
 import json
 import re
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from steer_env import identify, manoeuvres
+from steer_env import friction, identify, manoeuvres
 from steer_env.experiments.calibration import column_fit
 from steer_env.experiments.cli.main import main
+from steer_env.experiments.reports import steering_fit
 from steer_env.experiments.reports.steering_fit import page_of
+from steer_env.friction import sites
+from steer_env.hand_torque import prepared
 from steer_env.hand_torque.drive import FEWEST
 from steer_env.hand_torque.model import stretched
 from steer_env.recording import Recording
 from steer_env.vehicle import cars
 from tests.experiments.first_screen import sentence
 from tests.synthetic import hand_torque as synthetic
+from tests.synthetic.faults import NOISE
 
 CAN_LOG = Path(__file__).parents[2] / "examples" / "can_log"
 
@@ -65,15 +70,20 @@ def test_the_fitted_car_predicts_the_drive(written):
     assert best["residual"] < car["residual"] < 0.23  # regression
     assert car["adds_interval"][0] < car["adds"] < car["adds_interval"][1]
     page = (written / "index.html").read_text(encoding="utf-8")
+    assert car["one_site"][1:] in page
+    assert "no handwheel_torque" in car["one_site"]
     assert f"the fitted car with the offset T_0 predicts that torque to {car['residual']:.3f} N m" in page
 
 
-def made_by(car, law, seed=3):
-    """A free drive of a car, as its logger would keep it."""
+BAR = ("torsion_bar_torque",)
+
+
+def made_by(car, law, seed=3, torques=BAR, noise=0.0):
+    """A free drive of a car, as its logger would keep it; ``noise`` is a factor on that of its sensors."""
     made = manoeuvres.drive(car, manoeuvres.make("road", duration=90.0, seed=seed), law).resampled(100.0)
-    kept = ("handwheel_angle", "torsion_bar_torque", "vehicle_speed")
-    channels, units = ({name: each[name] for name in kept} for each in (made.channels, made.units))
-    return Recording(made.time, channels, units)
+    kept, rng = ("handwheel_angle", *torques, "vehicle_speed"), np.random.default_rng(seed)
+    channels = {name: made[name] + noise * NOISE[name] * rng.standard_normal(made.time.size) for name in kept}
+    return Recording(made.time, channels, {name: made.units[name] for name in kept})
 
 
 def test_the_car_that_made_a_drive_is_found():
@@ -87,12 +97,88 @@ def test_the_car_that_made_a_drive_is_found():
     assert found.residual < 0.01 * np.std(drive["torsion_bar_torque"])
     assert found.adds_interval[0] > 0.0
     assert found.limited == ()
+    assert "no handwheel_torque" in found.one_site
+    assert {*found.terms} == {*true, "T_0"}
     for name, value in true.items():
         assert found.terms[name] == pytest.approx(value, rel=0.05), name
         low, high = found.intervals[name]
         assert low <= found.terms[name] <= high
     boosts = (np.array(each.data()["assist"]["boost"]) for each in (found.car, car))
     np.testing.assert_allclose(*boosts, rtol=0.05, atol=0.05)
+
+
+HANDS_AND_MOTOR = ("handwheel_torque", "motor_torque")
+TRUTHS = {  # friction above the torsion bar, and Masing friction below it [N m]; ``whole``: a fit takes half a minute
+    "both": ({"law": "coulomb", "F_c": 0.2}, 0.7),
+    "above": ({"law": "coulomb", "F_c": 0.3}, 0.0),
+    "below": (None, 0.8),
+}
+
+
+@cache
+def told(truth, torques=HANDS_AND_MOTOR):
+    """What is identified, and the car, from a drive with noise whose friction is known."""
+    base = cars.load("compact", {"steering.friction_load": 0.0})
+    above, level = TRUTHS[truth]
+    below = stretched("masing", level, np.radians(0.4)) if level else None
+    given = {name: law for name, law in (("upper_column", above), ("gear", below)) if law}
+    found = identify(made_by(base, given, torques=torques, noise=1.0), laws=["masing"])
+    return found, column_fit.fit_column(found, base)
+
+
+@pytest.mark.parametrize(
+    ("truth", "torques"),
+    [
+        ("both", HANDS_AND_MOTOR),
+        pytest.param("above", HANDS_AND_MOTOR, marks=pytest.mark.whole),
+        pytest.param("below", HANDS_AND_MOTOR, marks=pytest.mark.whole),
+        pytest.param("both", ("handwheel_torque", *BAR), marks=pytest.mark.whole),
+    ],
+)
+def test_friction_above_the_bar_is_told_from_friction_below(truth, torques):
+    """The boost of the car that drove is not (H3), and its chassis has one track, where that of the fit has two."""
+    above, level = TRUTHS[truth]
+    true = {"F_u": above["F_c"] if above else 0.0, "F_c": level}
+    _, fit = told(truth, torques)
+    assert fit.one_site == ""
+    for name, value in true.items():
+        low, high = fit.intervals[name]
+        print(f"{truth}: {name} {fit.terms[name]:.3f} [{low:.3f}, {high:.3f}], truth {value}")
+        assert low <= value <= high
+        assert high - low < 0.35
+        assert fit.terms[name] == pytest.approx(value, abs=0.08)
+    assert fit.shown == {name: value > 0.0 for name, value in true.items()}
+
+
+def test_what_is_told_of_both_sites_stands_on_the_page_and_drives_a_car(tmp_path):
+    found, fit = told("both")
+    steering_fit.write(tmp_path / "out", found, "drive", fit, {"command": []})
+    sentence = steering_fit.sites_said(fit)
+    assert f": above {fit.terms['F_u']:.3f} N m [" in sentence
+    assert sentence[1:] in (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
+    held = friction.resolve(tmp_path / "out" / "friction.json")
+    assert friction.as_mapping(held) == friction.as_mapping(fit.friction)
+    assert sites.sliding_torque(held.upper_column.law) == pytest.approx(fit.terms["F_u"])
+    assert sites.sliding_torque(held.lower_column.law) == pytest.approx(fit.terms["F_c"])
+    again = cars.load(tmp_path / "out" / "car.toml")
+    assert again.tyre.coefficients.QDZ1 == pytest.approx(fit.terms["n"] * cars.load().tyre.coefficients.QDZ1)
+
+
+@pytest.mark.parametrize(
+    ("torques", "why"),
+    [
+        (BAR, "no handwheel_torque"),
+        ((*BAR, "motor_torque"), "no handwheel_torque"),
+        (("handwheel_torque",), "no motor_torque or torsion_bar_torque beside it"),
+        (HANDS_AND_MOTOR, ""),
+        (("handwheel_torque", *BAR), ""),
+    ],
+)
+def test_a_drive_that_cannot_tell_the_sites_says_so(torques, why):
+    drive = prepared(made_by(cars.load("compact"), "masing", torques=torques))
+    said = column_fit.one_site(drive)
+    assert why in said
+    assert said.startswith("the drive cannot tell friction above the torsion bar from friction below it") == bool(why)
 
 
 def test_too_little_of_a_drive_and_a_car_without_boost_are_told():

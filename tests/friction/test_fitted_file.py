@@ -31,6 +31,20 @@ def test_a_file_is_the_law_that_it_holds(fitted):
     assert friction.as_mapping(friction.resolve(fitted)) == expected
 
 
+def test_a_file_may_hold_sites(fitted):
+    sites = {"upper_column": {"law": "coulomb", "F_c": 0.1}, "gear": LAW | {"driving": 0.1, "load": 2e-4}}
+    fitted.write_text(json.dumps({"friction": sites}))
+    option = Friction(str(fitted))
+    for form in (fitted, str(fitted), option.text):
+        assert friction.as_mapping(friction.resolve(form)) == friction.as_mapping(friction.resolve(sites))
+    assert friction.varied(fitted, {"upper_column.F_c": 0.2}).upper_column.law.F_c == 0.2
+    with refused(["fitted.json holds friction at upper_column, gear, where one law is needed"]):
+        parts(fitted)
+    fitted.write_text(json.dumps({"friction": {"wheel": LAW}}))
+    with refused(["fitted.json: a site of friction must be", "'wheel'"]):
+        friction.resolve(fitted)
+
+
 def test_an_environment_does_not_need_the_file_any_more(fitted):
     text = gym.make("steer_env/AssistWeave-v2", friction=str(fitted)).spec.to_json()
     fitted.unlink()

@@ -210,6 +210,21 @@ def test_the_friction_of_a_column_is_separated_from_the_rest(weave, without):
     np.testing.assert_allclose(record.x, weave["column_angle"], atol=1e-4)
 
 
+@pytest.mark.parametrize(
+    ("without", "share", "told"), [("handwheel_torque", 0.0, False), ("torsion_bar_torque", 1.0, True)]
+)
+def test_friction_above_the_bar_is_in_the_torque_of_the_hands(weave, without, share, told):
+    """It is in the friction where the bar's torque was not recorded, and a note tells that."""
+    above = friction.response("coulomb,F_c=0.3", weave["handwheel_angle"], 1e-3)  # of a led handwheel, (F43)
+    channels = {**weave.channels, "handwheel_torque": weave["handwheel_torque"] + above}
+    record = column_balance.separated(
+        replace(weave, channels=channels).without("friction_torque", without), cars.load()
+    )
+    error = record.friction - weave["friction_torque"] - share * above
+    assert np.sqrt(np.mean(error**2)) < 0.01
+    assert any("friction above the bar cannot be told from friction below it" in note for note in record.notes) == told
+
+
 def test_what_a_car_has_to_measure_is_told(weave):
     car = cars.load()
     for name, contains in {

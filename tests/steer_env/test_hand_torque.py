@@ -184,6 +184,26 @@ def test_an_angle_of_another_unit_or_sign_is_refused():
     assert any("fitted to yaw_rate" in note for note in found.notes)
 
 
+def test_other_torques_are_kept_with_their_sign_and_unit():
+    """They are those of a car that follows the drive; one in counts is left out, and that is told."""
+    drive = synthetic.packaged()
+    motor = 3.0 * drive["torsion_bar_torque"]
+    kept = prepared(changed(motor_torque=(motor, "N m"))).torques
+    assert {*kept} == {"torsion_bar_torque", "motor_torque"}
+    np.testing.assert_allclose(kept["motor_torque"], 3.0 * kept["torsion_bar_torque"])
+    with refused(["motor_torque pushes right", "--map motor_torque=NAME,sign=-1"]):
+        prepared(changed(motor_torque=(-motor, "N m")))
+    at_rest = np.random.default_rng(0).normal(0.0, 0.2, motor.size)
+    for values, unit, why in (
+        (motor, "counts", "is in counts of its sensor"),
+        (0.0 * motor, "N m", "does not follow the other torques"),
+        (at_rest, "N m", "does not follow the other torques"),
+    ):
+        without = prepared(changed(motor_torque=(values, unit)))
+        assert {*without.torques} == {"torsion_bar_torque"}
+        assert f"motor_torque {why}, and is not compared with a car" in without.notes
+
+
 def test_a_torque_in_counts_and_a_missing_speed_are_refused():
     drive = synthetic.packaged()
     with refused(["counts", "scale="]):
