@@ -48,12 +48,15 @@ def name_of(law: Any) -> str:
 def address(car: Car, law: Any, chassis: str) -> str:
     """What the page's address holds behind # for a law or sites; empty where the page does not give its parameters."""
     p, name = sites.resolve(law), name_of(law)
-    if isinstance(p, sites.Sites):
+    try:
+        fields = {q.name: q for q in parameters.every(car, name, chassis)}
+    except ValueError:  # it falls too steeply with the speed for sliders
+        return ""
+    if isinstance(p, sites.Sites):  # whose text has all that differs
         return urlencode({"law": name, "chassis": chassis})
     wanted = as_mapping(p)
     usual = parameters.of_law(name)
     own = {key: wanted[key] for key in usual if wanted.get(key, usual[key]) != usual[key]}
-    fields = {q.name: q for q in parameters.every(car, name, chassis)}
     inside = all(fields[f"friction.{key}"].low <= value <= fields[f"friction.{key}"].high for key, value in own.items())
     if not inside or as_mapping(make(name, **own)) != wanted:
         return ""

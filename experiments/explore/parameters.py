@@ -74,7 +74,7 @@ _OF_SITE = {
     "efficiency": ("of both directions", "1", 0.6, 1.0, 1.0),
     "driving": ("growth with the motor's torque that drives", "1/(N m)", 0.0, 0.5, 0.0),
     "driven": ("growth with the motor's torque against the motion", "1/(N m)", 0.0, 0.5, 0.0),
-    "load": ("growth with the rack force", "1/N", 0.0, 5e-4, 0.0),
+    "load": ("growth with the rack force", "1/N", 0.0, 2e-4, 0.0),
     "asymmetry": ("increase to the left, decrease to the right", "1", -0.3, 0.3, 0.0),
     "position": ("increase by the position at its peak", "1", 0.0, 0.5, 0.0),
 }
