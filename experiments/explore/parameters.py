@@ -122,7 +122,9 @@ def _single(car: Car, law: str, chassis: str, parameters: list[Parameter]) -> bo
         # The falls of sites add up, and each has its corner where its own is largest.
         for _, group in itertools.groupby(own, lambda q: q.group):
             spans = [[(q.name, end) for end in (q.low, q.high)] for q in group]
-            ends |= max(map(dict, itertools.product(*spans)), key=fall)
+            corners = [dict(corner) for corner in itertools.product(*spans)]
+            steepest = max(corners, key=fall)
+            ends |= steepest
         plant(car, law, chassis, ends)
     except ValueError:
         return False
@@ -163,7 +165,7 @@ def _of_friction(law: str) -> Iterator[Parameter]:
 
 def given(law: str) -> dict[str, Any]:
     """What ``friction=`` takes for a law, or for sites as text, with the parameters that follow another without it."""
-    found = {"law": law} if law in LAWS.available() else sites.as_given(law)
+    found: dict[str, Any] = {"law": law} if law in LAWS.available() else {**sites.as_given(law)}
     for q in _of_friction(law):
         *site, key = q.name.split(".")[1:]
         if key == "x_c":  # of which the page has a value of its own
