@@ -16,3 +16,8 @@ SIGMA_2_EQUIVALENT = 3.46  # [N m s/rad]
 # showed none (ASME IDETC 2015, V003T01A007).
 BREAK_AWAY = 1.1  # break-away torque over F_C [1]; assumed
 V_S = 0.1  # Stribeck speed [rad/s]; assumed, 0.7 mm/s at the rack
+
+# Shares of the friction at the sites of a steering [1]. A column EPS: rack, worm and motor as above; the 0.1 to 0.2 N m
+# above the torsion bar and the efficiency of the gear, 0.85 to 0.90 in both directions, are assumed.
+SHARES = {"column_eps": {"upper_column": 0.1, "gear": 0.3, "rack": 0.6}}
+GEAR_EFFICIENCY = 0.88  # [1]

@@ -299,6 +299,23 @@ def as_mapping(parameters: Any) -> dict[str, Any]:
     return {"law": law_of(parameters).name, **values}
 
 
+def scaled(parameters: Any, share: float) -> dict[str, Any]:
+    """The mapping, as of :func:`as_mapping`, of the law whose torque is a share of this one's in every motion [1].
+
+    Raises
+    ------
+    ValueError
+        For a law that does not say the unit of each of its parameters.
+    """
+    mapping, units = as_mapping(parameters), law_of(parameters).units
+    for name in mapping.keys() - {"law"}:
+        if name not in units:
+            raise ValueError(f"law {mapping['law']!r} has a share only where its units name {name!r}")
+        if units[name].startswith("N m"):
+            mapping[name] = (share * np.asarray(mapping[name])).tolist()
+    return mapping
+
+
 def _known(parameters: Any) -> bool:
     return LAWS.of(type(parameters)) is not None
 

@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from steer_env.friction import fitted_file, gear
+from steer_env.friction import defaults, fitted_file, gear
 from steer_env.friction import law as laws
 from steer_env.friction.law import (
     LAWS,
@@ -48,7 +48,7 @@ from steer_env.friction.numerics.kernel import dispatch, kernel
 
 NOTHING = {"law": "viscous", "sigma_2": 0.0}
 ABOVE, BELOW = "upper_column", ("lower_column", "gear", "rack", "motor")
-TEXT = "LAW[,key=value...]@SITE, several joined by +"  # sites as text
+TEXT = "LAW[,key=value...]@SITE, several joined by +, or LAW[,key=value...]@column_eps"  # sites as text
 MOST_ROUNDS, WITH_SLOPE = 50, 8
 LEAST = 1e-6  # sliding torque that can grow, assumed [N m]
 CLOSE = 1e-15  # of the torque that an error of w1 adds to the second equation, over its terms [1]
@@ -459,11 +459,12 @@ def make_sites(given: Mapping[str, Any]) -> Sites:
     Parameters
     ----------
     given : mapping
-        Of names of sites. A value is a law in a form of :func:`steer_env.friction.law.resolve`, which beside the law's
-        own parameters may have keywords of :func:`steer_env.friction.level.make` and, at the gear,
-        ``efficiency``: one number for both directions, two for driving and for being driven back, or a mapping of
-        the arguments of :func:`steer_env.friction.gear.worm`; or, in its place, ``driving`` and ``driven``, c_d and c_b
-        of (F44).
+        Of names of sites; or of a steering alone, ``{"column_eps": law}``, whose sites take their shares of the law
+        from ``steer_env.friction.defaults.SHARES``, the gear with an efficiency. A value is a law in a form of
+        :func:`steer_env.friction.law.resolve`, which beside the law's own parameters may have keywords of
+        :func:`steer_env.friction.level.make` and, at the gear, ``efficiency``: one number for both directions, two for
+        driving and for being driven back, or a mapping of the arguments of :func:`steer_env.friction.gear.worm`; or, in
+        its place, ``driving`` and ``driven``, c_d and c_b of (F44).
 
     Raises
     ------
@@ -471,7 +472,8 @@ def make_sites(given: Mapping[str, Any]) -> Sites:
         An unknown site, a law that cannot sit at one, or a value that is refused, with the name of the site.
     """
     for name in given:
-        one_of("a site of friction", name, (ABOVE, *BELOW))
+        one_of("a site of friction", name, (ABOVE, *BELOW, *defaults.SHARES))
+    given = _split(given)
     sites, start = [], 0
     for name in (ABOVE, *BELOW):
         try:
@@ -481,6 +483,25 @@ def make_sites(given: Mapping[str, Any]) -> Sites:
         sites.append(site)
         start = site.end
     return Sites(*sites)
+
+
+def _split(given: Mapping[str, Any]) -> dict[str, Any]:
+    """The mapping with the shares of a law at its sites in place of a steering that it names."""
+    found = dict(given)
+    for steering in defaults.SHARES.keys() & given.keys():
+        shares = defaults.SHARES[steering]
+        if other := sorted(given.keys() & {ABOVE, *BELOW}):
+            raise ValueError(f"friction at {steering} is that of all its sites: leave it or {other[0]} out")
+        law, keys = laws.parts(found.pop(steering))
+        own = {key: keys.pop(key) for key in _OWN_KEYS & keys.keys()}
+        of_gear = {key: own.pop(key) for key in _OF_GEAR & own.keys()} or {"efficiency": defaults.GEAR_EFFICIENCY}
+        try:
+            p = laws.resolve({"law": law, **keys})
+            found |= {site: {**laws.scaled(p, share), **own} for site, share in shares.items()}
+        except ValueError as error:
+            raise ValueError(f"friction at {steering}: {error}") from None
+        found["gear"] |= of_gear
+    return found
 
 
 _OF_GEAR = {"efficiency", "driving", "driven"}
@@ -507,10 +528,10 @@ def _site(name: str, given: Any, start: int) -> Site:
 
 def _growth(efficiency: gear.Efficiency, p: Any) -> tuple[float, float]:
     """c_d and c_b of (F44): a motor torque of 1 N m adds 1 - eta_d where it drives, 1/eta_b - 1 where it is driven."""
-    F = sliding_torque(p)
-    if not F > LEAST:
+    F, lost = sliding_torque(p), (1.0 - efficiency.driving, 1.0 / efficiency.driven - 1.0)
+    if any(lost) and not F > LEAST:
         raise ValueError(f"friction law {law_of(p).name!r} has no sliding torque that could grow with the load")
-    return (1.0 - efficiency.driving) / F, (1.0 / efficiency.driven - 1.0) / F
+    return lost[0] / max(F, LEAST), lost[1] / max(F, LEAST)
 
 
 _TOGETHER = Law(
@@ -569,7 +590,7 @@ def resolve(friction: Any) -> Any:
     """
     if isinstance(friction, Sites):
         return friction
-    if isinstance(friction, Mapping) and friction.keys() & {ABOVE, *BELOW}:
+    if isinstance(friction, Mapping) and friction.keys() & {ABOVE, *BELOW, *defaults.SHARES}:
         return make_sites(friction)
     if isinstance(friction, str) and "@" in friction and not fitted_file.named(friction):
         return make_sites(_of_text(friction))

@@ -178,11 +178,12 @@ def _of_site(site: str, given: Mapping[str, Any]) -> dict[str, float]:
     found = of_law(given["law"])
     if "x_c" in found and "F_c" in given:
         found["x_c"] = given["F_c"] / (2.0 * defaults.SIGMA_0)  # as the law takes it itself
-    if site == "gear":
-        growth = ("driving", "driven") if {"driving", "driven"} & given.keys() else ("efficiency",)
-        found |= {key: _OF_SITE[key][-1] for key in growth}
-    pressed = ("load",) if site in sites.BELOW else ()
-    found |= {key: _OF_SITE[key][-1] for key in (*pressed, "asymmetry", "position")}
+    own = ["asymmetry", "position"] if site == sites.ABOVE else ["load", "asymmetry", "position"]
+    if site == "gear" or site in defaults.SHARES:
+        own = [*(("driving", "driven") if {"driving", "driven"} & given.keys() else ("efficiency",)), *own]
+    found |= {key: _OF_SITE[key][-1] for key in own}
+    if "efficiency" in own and site != "gear":
+        found["efficiency"] = defaults.GEAR_EFFICIENCY
     found = {key: given.get(key, value) for key, value in found.items()}
     return {key: value for key, value in found.items() if isinstance(value, float)}  # no lists
 

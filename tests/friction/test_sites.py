@@ -61,6 +61,27 @@ def test_one_site_below_the_bar_is_the_law_alone(name):
     np.testing.assert_allclose(driven(one, wave, 1e-3, 1500)[0], driven(alone, wave, 1e-3, 1500)[0], atol=1e-9)
 
 
+@pytest.mark.parametrize("name", LAWS)
+def test_the_shares_of_a_steering_are_the_law_where_they_turn_together(name):
+    p, split = friction.make(name), friction.resolve({"column_eps": {"law": name, "efficiency": 1.0}})
+    rng, ours, theirs = np.random.default_rng(5), at_rest(p), at_rest(split)
+    for w in rng.normal(scale=0.3, size=300):
+        law.advance(p, 1.0, ours, w, 1e-3)
+        law.advance(split, 1.0, theirs, w, 1e-3)
+        assert law.torque(split, 1.0, theirs, w) == pytest.approx(law.torque(p, 1.0, ours, w), rel=1e-9, abs=1e-12)
+
+
+def test_the_shares_of_a_steering_keep_what_is_given_with_the_law():
+    p = friction.resolve("masing,F_c=1.2,temperature_rate=0.01,temperature_rise=5,efficiency=0.9@column_eps")
+    torques = {name: sites.sliding_torque(site.law) for name, site in zip(p._fields, p)}
+    expected = {"upper_column": 0.12, "lower_column": 0.0, "gear": 0.36, "rack": 0.72, "motor": 0.0}
+    assert torques == pytest.approx(expected, abs=1e-8)
+    assert p.gear.driving * 0.36 == pytest.approx(0.1)
+    assert p.rack.level == p.upper_column.level == Level(temperature_rate=0.01, temperature_rise=5.0)
+    assert repr(friction.resolve(sites.as_mapping(p))) == repr(p)
+    assert friction.resolve("lugre@column_eps").gear.driving * 0.27 == pytest.approx(0.12)
+
+
 @pytest.mark.parametrize(("above", "below"), PAIRS)
 def test_balance_symmetry_and_bounds(above, below):
     """Energy to rounding at 1 ms, the mirrored drive to the bit, and no growth at 10 ms."""

@@ -77,6 +77,7 @@ def test_the_lines_make_an_environment_of_the_car(downloads, monkeypatch):
         ("masing", {"friction.F_c": 1.4}),  # whose x_c follows F_c in Python, and not in the page
         (SITES, {"friction.gear.F_c": 1.1, "friction.gear.efficiency": 0.75, "friction.upper_column.F_c": 0.12}),
         ("masing,k=100:50,y=0.002:0.008@rack", {"friction.rack.asymmetry": 0.1}),
+        ("masing@column_eps", {"friction.column_eps.F_c": 1.1, "friction.column_eps.efficiency": 0.8}),
     ],
 )
 def test_the_lines_have_the_friction_of_the_page(law, changed):
