@@ -685,19 +685,36 @@ def varied(friction: Any, values: Mapping[str, float]) -> Any:
     if not isinstance(p, Sites):
         name, given = laws.parts(friction)
         return laws.make(name, **{**given, **values})
-    given = _as_given(friction)
+    given = as_given(friction)
     for key, value in values.items():
         site, _, name = str(key).partition(".")
         one_of("the site of friction", site, tuple(given))
-        law, own = laws.parts(given[site])
-        given[site] = {"law": law, **own, name: value}
+        given[site][name] = value
     return make_sites(given)
 
 
-def _as_given(friction: Any) -> dict[str, Any]:
+def as_given(friction: Any) -> dict[str, dict[str, Any]]:
     """Sites from a form of :func:`resolve` as they were given, so that what was left out follows what is changed."""
     if isinstance(friction, Sites):
-        return as_mapping(friction)
+        friction = as_mapping(friction)
     if fitted_file.named(friction):
-        return fitted_file.read(friction)
-    return _of_text(friction) if isinstance(friction, str) else dict(friction)
+        friction = fitted_file.read(friction)
+    found = _of_text(friction) if isinstance(friction, str) else friction
+    return {site: {"law": law, **own} for site, (law, own) in ((site, laws.parts(own)) for site, own in found.items())}
+
+
+def as_text(friction: Any) -> str:
+    """Sites from a form of :func:`resolve` as the text that it turns into them again, without a file."""
+    found = []
+    for site, own in as_given(friction).items():
+        if isinstance(own.get("efficiency"), Mapping):
+            own["efficiency"] = gear.efficiency(own["efficiency"])
+        found.append(f"{','.join([own.pop('law'), *(f'{key}={_word(value)}' for key, value in own.items())])}@{site}")
+    return "+".join(found)
+
+
+def _word(value: Any) -> str:
+    """A value as text without loss; a list as ``a:b:c``."""
+    if np.ndim(value):
+        return ":".join(map(_word, value))
+    return str(value) if isinstance(value, str | bool) else repr(float(value)).removesuffix(".0")

@@ -15,7 +15,7 @@ GROUP = "car"
 
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    text = "; here by name alone: the page begins with the first, each with its default parameters"
+    text = "; here by name alone, or sites as LAW[,key=value...]@SITE, joined by +; the page begins with the first"
     options.add(parser, "--friction", text, otherwise="five laws", nargs="+", action="extend")
     options.add(
         parser,

@@ -58,6 +58,6 @@ def run(args: argparse.Namespace) -> None:
         scope = (
             Scope(car=car) if args.chassis is None else Scope(car=car, chassis=args.chassis, vehicle=False, widths=())
         )
-        beside = live(car, parameters) if live else None
+        beside = live(car, {law.label: law.text for law in laws}) if live else None
         report.build(args.out, parameters, scope, notify, report.Look(**look), trace, sweep, beside)
     print(args.out / "index.html")

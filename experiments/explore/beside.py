@@ -8,8 +8,8 @@ from urllib.parse import urlencode
 from steer_env.experiments.explore import parameters
 from steer_env.experiments.explore.writing import explore
 from steer_env.experiments.pages.pages import LIVE
+from steer_env.friction import sites
 from steer_env.friction.law import as_mapping, law_of, make
-from steer_env.friction.sites import Sites
 from steer_env.vehicle import chassis as chassis_models
 from steer_env.vehicle.cars import Car
 
@@ -18,7 +18,7 @@ class Beside(NamedTuple):
     """A car with friction laws that a page links to."""
 
     car: Car
-    laws: Mapping[str, Any]  # label in the page -> parameters
+    laws: Mapping[str, Any]  # label in the page -> a law or sites, in a form of steer_env.friction.sites.resolve
     chassis: Sequence[str] = chassis_models.available()
 
     def write(self, folder: Path) -> list[tuple[str, str]]:
@@ -32,21 +32,31 @@ class Beside(NamedTuple):
         ValueError
             As of :func:`steer_env.experiments.explore.explore`.
         """
-        found = {label: address(self.car, p, self.chassis[0]) for label, p in self.laws.items()}
-        names = dict.fromkeys(law_of(self.laws[label]).name for label, values in found.items() if values)
+        found = {label: address(self.car, law, self.chassis[0]) for label, law in self.laws.items()}
+        names = dict.fromkeys(name_of(self.laws[label]) for label, values in found.items() if values)
         if names:
             explore(folder / LIVE, vehicle=self.car, friction=list(names), chassis=self.chassis)
         return [(label, values and f"{LIVE}/index.html#{values}") for label, values in found.items()]
 
 
+def name_of(law: Any) -> str:
+    """What the page calls a law in a form of :func:`steer_env.friction.sites.resolve`, or sites, which are text."""
+    p = sites.resolve(law)
+    return sites.as_text(law) if isinstance(p, sites.Sites) else law_of(p).name
+
+
 def address(car: Car, law: Any, chassis: str) -> str:
-    """What the page's address holds behind # for parameters of a law; empty where the page does not give them."""
-    if isinstance(law, Sites):
+    """What the page's address holds behind # for a law or sites; empty where the page does not give its parameters."""
+    p, name = sites.resolve(law), name_of(law)
+    try:
+        fields = {q.name: q for q in parameters.every(car, name, chassis)}
+    except ValueError:  # it falls too steeply with the speed for sliders
         return ""
-    name, wanted = law_of(law).name, as_mapping(law)
+    if isinstance(p, sites.Sites):  # whose text has all that differs
+        return urlencode({"law": name, "chassis": chassis})
+    wanted = as_mapping(p)
     usual = parameters.of_law(name)
     own = {key: wanted[key] for key in usual if wanted.get(key, usual[key]) != usual[key]}
-    fields = {q.name: q for q in parameters.every(car, name, chassis)}
     inside = all(fields[f"friction.{key}"].low <= value <= fields[f"friction.{key}"].high for key, value in own.items())
     if not inside or as_mapping(make(name, **own)) != wanted:
         return ""

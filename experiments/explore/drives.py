@@ -189,7 +189,9 @@ def _pieces(name: str, options: tuple[tuple[str, Any], ...]) -> tuple[tuple[int,
 def pieces(
     hand: Callable[[Array, float], tuple[Array, Array]], samples: int
 ) -> Iterator[tuple[int, list[float], list[float]]]:
-    """Polynomials that follow the hands at an amplitude of 1, one after the other.
+    """Polynomials that follow the hands at an amplitude of 1, one after the other; a held angle is one of its own.
+
+    It is therefore held to the bit, as friction that jumps at rest needs it where it sits above the torsion bar.
 
     Parameters
     ----------
@@ -213,18 +215,24 @@ def pieces(
     scale = np.abs(motion).max(axis=1)[:, None]
     if np.any(np.abs(double - 2.0 * motion) > CLOSE * scale):
         raise ValueError("the motion of the hands is not proportional to its amplitude")
+    same = np.diff(motion[0]) == 0.0
+    held = np.append(False, same) | np.append(same, False)
+    ends = (held[1:] != held[:-1]) | (held[1:] & ~same)
+    section = np.append(0, np.cumsum(ends))  # (T,), held ones and others
     nodes = chebyshev.chebpts1(DEGREE_OF_PIECES + 1)
     inverse = np.linalg.inv(chebyshev.chebvander(nodes, DEGREE_OF_PIECES))
 
     def followed(first: int, size: int) -> Array | None:
         """Coefficients (2, n) of a piece; None where they do not follow the hands."""
         t, wanted = everything[first : first + size], motion[:, first : first + size]
-        if t.size < size:
+        if t.size < size or section[first] != section[first + size - 1]:
             return None
         if size == 1:
             return wanted
         middle, half = 0.5 * (t[0] + t[-1]), 0.5 * (t[-1] - t[0])
         found = np.array(hand(middle + half * nodes, 1.0)) @ inverse.T
+        if held[first]:
+            found[0] = np.where(np.arange(nodes.size) > 0, 0.0, wanted[0, 0])
         off = chebyshev.chebval((t - middle) / half, found.T) - wanted
         return found if np.all(np.abs(off) <= CLOSE * scale) else None
 

@@ -25,7 +25,7 @@ from steer_env.experiments.explore.parameters import Parameter
 Array = NDArray[np.float64]
 NumbersOf = Callable[[dict[str, float]], Array]
 CLOSE = 1e-13  # of the polynomials to Python's numbers, over the size of the number [1]
-DEGREES = (2, 6, 12, 20, 32)
+DEGREES = (2, 6, 12, 20, 32, 48)
 CHECKS = (-0.93, 0.41)  # places between the nodes at which a polynomial of one parameter is checked, -1 to 1
 TRIALS = 24  # sets of values at which all of them are
 

@@ -8,22 +8,23 @@ parameter that follows others by default, as the break-away torque follows the s
 import inspect
 import itertools
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from steer_env.connect.variables import described
-from steer_env.friction import defaults, make
+from steer_env.friction import defaults, make, sites
 from steer_env.friction.law import LAWS
 from steer_env.friction.numerics.check import not_negative, number
-from steer_env.friction.numerics.packing import leaves
+from steer_env.friction.numerics.packing import leaves, pack
 from steer_env.vehicle import cars, step_limit
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.keys import checked, declared_keys
 from steer_env.vehicle.plant import Plant
 from steer_env.vehicle.steering import column, eps
+from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 KPH = 1.0 / 3.6  # [m/s]
 Values = Mapping[str, float]
@@ -32,7 +33,7 @@ Values = Mapping[str, float]
 class Parameter(NamedTuple):
     """A slider with its number field."""
 
-    name: str  # section and key of a car file, friction.KEY, or one of the names of the drive
+    name: str  # section and key of a car file, friction.KEY, friction.SITE.KEY, or one of the names of the drive
     group: str
     label: str
     unit: str
@@ -68,6 +69,15 @@ SCALE, LOAD, SPEED = "friction_scale", "load", "speed_kph"
 BOOST = "boost_scale"  # whose factor at each speed has a slider too
 _LAW_SPAN = 3.0  # factor on the default of a law's parameter, either way, over which its slider goes; assumed
 _SPANS = {"x_c": 2.0}  # of others; assumed
+# Of a site of friction beside its law: meaning, unit, range of the slider, and value by default; assumed.
+_OF_SITE = {
+    "efficiency": ("of both directions", "1", 0.6, 1.0, 1.0),
+    "driving": ("growth with the motor's torque that drives", "1/(N m)", 0.0, 0.5, 0.0),
+    "driven": ("growth with the motor's torque against the motion", "1/(N m)", 0.0, 0.5, 0.0),
+    "load": ("growth with the rack force", "1/N", 0.0, 2e-4, 0.0),
+    "asymmetry": ("increase to the left, decrease to the right", "1", -0.3, 0.3, 0.0),
+    "position": ("increase by the position at its peak", "1", 0.0, 0.5, 0.0),
+}
 # Of all ranges, the first with which the step equation of every plant has one solution (vehicle/step_limit.py).
 _SHARES = (1.0, 0.7, 0.5, 0.35, 0.25)
 _LIMIT = re.compile(r"(greater than|at least|at most|from|to) (-?[\d.]+(?:e[+-]?\d+)?)")
@@ -82,11 +92,11 @@ def of_law(law: str) -> dict[str, float]:
 
 
 def every(car: Car, law: str, chassis: str) -> list[Parameter]:
-    """The parameters of the page for a car with a law and a chassis, in the order in which it shows them.
+    """The parameters of the page for a car with a law, or sites as text, on a chassis, in the order of the page.
 
-    ValueError where no ranges are narrow enough for the law's step equation to have one solution in all of them.
+    ValueError where no ranges are narrow enough for the step equations to have one solution in all of them.
     """
-    whole = [*_of_law(law), *_of_drive(chassis), *_of_assist(car), *_of_car(car)]
+    whole = [*_of_friction(law), *_of_drive(chassis), *_of_assist(car), *_of_car(car)]
     for share in _SHARES:
         found = [_narrowed(q, share) for q in whole]
         if _single(car, law, chassis, found):
@@ -101,10 +111,21 @@ def _narrowed(q: Parameter, share: float) -> Parameter:
 def _single(car: Car, law: str, chassis: str, parameters: list[Parameter]) -> bool:
     """Whether the step equation has one solution where the sliders make that least likely."""
     ends = {q.name: q.low if q.name.startswith("column.") else q.high for q in parameters}
+
+    def fall(own: dict[str, float]) -> float:
+        p = plant(car, law, chassis, {**ends, **own})
+        load, level = step_limit.LARGEST_RACK_FORCE, p.friction_torque_scale
+        return sum(sites.falls(p.friction, p.level, level, load, p.assist.limit, SAMPLE_TIME))
+
     own = [q for q in parameters if q.name.startswith("friction.")]
     try:
-        for corner in itertools.product(*((q.low, q.high) for q in own)):
-            plant(car, law, chassis, {**ends, **{q.name: value for q, value in zip(own, corner)}})
+        # The falls of sites add up, and each has its corner where its own is largest.
+        for _, group in itertools.groupby(own, lambda q: q.group):
+            spans = [[(q.name, end) for end in (q.low, q.high)] for q in group]
+            corners = [dict(corner) for corner in itertools.product(*spans)]
+            steepest = max(corners, key=fall)
+            ends |= steepest
+        plant(car, law, chassis, ends)
     except ValueError:
         return False
     return True
@@ -126,21 +147,72 @@ def _parameter(
     return Parameter(name, group, label, unit, low, high, value, refusal=refusal, least=least, most=most, above=above)
 
 
-def _of_law(law: str) -> list[Parameter]:
-    known = {leaf.path[0]: described(leaf, leaf.path[0], leaf.owner) for leaf in leaves(make(law))}
-    told = {"F_c": ("sliding torque", "N m"), "x_c": ("deflection scale of the virgin curve", "rad"), **known}
-    found = []
-    for key, value in of_law(law).items():
-        text, unit = told.get(key, (key, ""))
-        factor = _SPANS.get(key, _LAW_SPAN)
-        span = (value / factor, value * factor) if value else (0.0, _zero_span(unit))
-        refuse = partial(_law_with, law, key)
-        found.append(_parameter(f"friction.{key}", "Friction law", f"{key}, {text}", unit, span, value, refuse))
+def _of_friction(law: str) -> Iterator[Parameter]:
+    """The parameters of a law, or of sites as text."""
+    if law in LAWS.available():
+        for key, value in of_law(law).items():
+            yield _of_law(law, law, f"friction.{key}", "Friction law", value)
+        return
+    for site, given in sites.as_given(law).items():
+        for key, value in _of_site(site, given).items():
+            # One that is given otherwise, as elements in place of F_c, or that another given one bounds, has no slider.
+            if _numbers_with(law, {f"{site}.{key}": value}) != _numbers_with(law, {}):
+                continue
+            found = _of_law(law, given["law"], f"friction.{site}.{key}", f"Friction: {site.replace('_', ' ')}", value)
+            if all(_numbers_with(law, {f"{site}.{key}": end}) for end in (found.low, found.high)):
+                yield found
+
+
+def given(law: str) -> dict[str, Any]:
+    """What ``friction=`` takes for a law, or for sites as text, with the parameters that follow another without it."""
+    found: dict[str, Any] = {"law": law} if law in LAWS.available() else {**sites.as_given(law)}
+    for q in _of_friction(law):
+        *site, key = q.name.split(".")[1:]
+        if key == "x_c":  # of which the page has a value of its own
+            (found[site[0]] if site else found)[key] = q.value
     return found
 
 
-def _law_with(law: str, key: str, value: Any) -> Any:
-    return make(law, **{key: value})
+def _of_site(site: str, given: Mapping[str, Any]) -> dict[str, float]:
+    """The parameters of a site that may have a slider, with their values."""
+    found = of_law(given["law"])
+    if "x_c" in found and "F_c" in given:
+        found["x_c"] = given["F_c"] / (2.0 * defaults.SIGMA_0)  # as the law takes it itself
+    own = ["asymmetry", "position"] if site == sites.ABOVE else ["load", "asymmetry", "position"]
+    if site == "gear" or site in defaults.SHARES:
+        own = [*(("driving", "driven") if {"driving", "driven"} & given.keys() else ("efficiency",)), *own]
+    found |= {key: _OF_SITE[key][-1] for key in own}
+    if "efficiency" in own and site != "gear":
+        found["efficiency"] = defaults.GEAR_EFFICIENCY
+    found = {key: given.get(key, value) for key, value in found.items()}
+    return {key: value for key, value in found.items() if isinstance(value, float)}  # no lists
+
+
+def _numbers_with(law: str, values: Values) -> list[float] | None:
+    """The packed numbers of sites with other values; None where they are refused."""
+    try:
+        return pack(sites.varied(law, values)).numbers.tolist()
+    except ValueError:
+        return None
+
+
+def _of_law(friction: str, law: str, name: str, group: str, value: float) -> Parameter:
+    """A parameter of a law, by itself or at a site of ``friction``."""
+    own = name.removeprefix("friction.")
+    key = own.rpartition(".")[2]
+    known = {leaf.path[0]: described(leaf, leaf.path[0], leaf.owner) for leaf in leaves(make(law))}
+    told = {"F_c": ("sliding torque", "N m"), "x_c": ("deflection scale of the virgin curve", "rad"), **known}
+    text, unit = told.get(key, (key, ""))
+    factor = _SPANS.get(key, _LAW_SPAN)
+    span = (value / factor, value * factor) if value else (0.0, _zero_span(unit))
+    if key in _OF_SITE:
+        text, unit, *ends, _ = _OF_SITE[key]
+        span = (ends[0], ends[1])
+
+    def refuse(value: Any) -> Any:
+        return sites.varied(friction, {own: value})
+
+    return _parameter(name, group, f"{own}, {text}", unit, span, value, refuse)
 
 
 def _zero_span(unit: str) -> float:
@@ -223,7 +295,7 @@ def plant(car: Car, law: str, chassis: str, values: Values) -> Plant:
     own = {name.removeprefix("friction."): v for name, v in values.items() if name.startswith("friction.")}
     made = changed(car, values).loaded(not_negative(LOAD, values.get(LOAD, 0.0)))
     speed = _speed(chassis, values.get(SPEED, 100.0)) * KPH
-    p = made.plant(make(law, **own), speed, robot=True, chassis=chassis)
+    p = made.plant(sites.varied(law, own), speed, robot=True, chassis=chassis)
     return step_limit.checked(p._replace(friction_torque_scale=not_negative(SCALE, values.get(SCALE, 1.0))))
 
 

@@ -6,6 +6,7 @@ classic script: declarations as JSON, and modules and tables in base64, packed b
 
 import base64
 import json
+import re
 import shutil
 import sys
 import zlib
@@ -28,7 +29,8 @@ from steer_env.experiments.explore import (
     parameters,
     policies,
 )
-from steer_env.experiments.pages import files
+from steer_env.experiments.pages import files, provenance
+from steer_env.friction import sites
 from steer_env.friction.law import LAWS
 from steer_env.friction.numerics.check import one_of
 from steer_env.friction.numerics.packing import Leaf, leaves, slices
@@ -52,7 +54,7 @@ _NAMED = ("column.", "assist.", "robot", "rack_limit", "pinion_radius", "frictio
 
 @dataclass(frozen=True)
 class Combination:
-    """A law on a chassis: one module."""
+    """A law, or sites as text, on a chassis: one module."""
 
     law: str
     chassis: str
@@ -60,7 +62,8 @@ class Combination:
     @property
     def file(self) -> str:
         """Path of its script in the folder."""
-        return f"{MODULES}/{self.chassis}_{self.law}.js"
+        law = self.law if self.law in LAWS.available() else f"sites_{provenance.digest(self.law)[:12]}"
+        return f"{MODULES}/{self.chassis}_{law}.js"
 
 
 def _beginning(chassis: str) -> str:
@@ -72,7 +75,7 @@ def explore(
     folder: str | Path,
     *,
     vehicle: Any = "compact",
-    friction: Sequence[str] = LAWS_SHOWN,
+    friction: Sequence[Any] = LAWS_SHOWN,
     chassis: Sequence[str] = ("single_track", "two_track"),
     notify: Callable[[float, str], None] = lambda part, what: None,
 ) -> Path:
@@ -86,8 +89,9 @@ def explore(
         A new folder, or that of an earlier page, which is replaced.
     vehicle : str, path, mapping or Car
         A car, or what makes one, as :func:`steer_env.vehicle.cars.load` takes it.
-    friction : sequence of str
-        Names of friction laws; the page begins with the first.
+    friction : sequence
+        Names of friction laws, or several sites in a form of :func:`steer_env.friction.sites.resolve`; the page begins
+        with the first.
     chassis : sequence of str
         Names of chassis; the page begins with the first.
     notify : callable
@@ -103,16 +107,15 @@ def explore(
     ValueError
         A bad value, kernels that are not compiled, or a missing package; the message tells what to do.
     """
-    for law in friction:
-        one_of("friction", law, LAWS.available())
+    laws = [_checked(each) for each in friction]
     for body in chassis:
         one_of("chassis", body, chassis_models.available())
-    if not friction or not chassis:
+    if not laws or not chassis:
         raise ValueError("the page needs a friction law and a chassis")
     car = vehicle if isinstance(vehicle, Car) else cars.load(vehicle)
     require_compiled("the page")
     files.usable(Path(folder), CONTENTS)
-    wanted = [Combination(law, body) for body in dict.fromkeys(chassis) for law in dict.fromkeys(friction)]
+    wanted = [Combination(law, body) for body in dict.fromkeys(chassis) for law in dict.fromkeys(laws)]
     with files.replaced_directory(Path(folder), CONTENTS) as out:
         (out / MODULES).mkdir()
         shared: dict[str, list[float]] = {}
@@ -130,6 +133,15 @@ def explore(
         for file in PAGE.iterdir():
             shutil.copyfile(file, out / file.name)
     return Path(folder) / "index.html"
+
+
+def _checked(friction: Any) -> str:
+    """The name of a law, or sites as text."""
+    if isinstance(friction, str) and "@" not in friction:
+        return one_of("friction", friction, LAWS.available())
+    if not isinstance(sites.resolve(friction), sites.Sites):
+        raise ValueError(f"the page takes a friction law by its name alone, or several sites, got {friction!r}")
+    return sites.as_text(friction)
 
 
 def _write(path: Path, function: str, data: Any) -> None:
@@ -226,7 +238,7 @@ def declared(car: Car, wanted: Sequence[Combination]) -> dict[str, Any]:
         "version": metadata.version("steer-env"),
         "car": {"name": car.name, "description": car.description, **carrying.car_file(car)},
         "files": carrying.files(),
-        "laws": [{"name": law, "about": _about(law)} for law in dict.fromkeys(each.law for each in wanted)],
+        "laws": [_law(law) for law in dict.fromkeys(each.law for each in wanted)],
         "chassis": list(bodies),
         "modules": {f"{each.law} {each.chassis}": each.file for each in wanted},
         "policies": policies.listed(),
@@ -243,6 +255,17 @@ def declared(car: Car, wanted: Sequence[Combination]) -> dict[str, Any]:
             "words": [just_noticeable.PERCEPTIBLE, just_noticeable.IMPERCEPTIBLE, just_noticeable.UNKNOWN],
         },
     }
+
+
+def _law(law: str) -> dict[str, Any]:
+    """A law, or sites as text, by its name and label, what it is, and what ``friction=`` takes for it."""
+    given = parameters.given(law)
+    if law in LAWS.available():
+        return {"name": law, "label": law.replace("_", " "), "about": _about(law), "given": given}
+    words = {site: site.replace("_", " ") for site in given}
+    label = re.sub(r"@(\w+)(\+?)", lambda found: f" at {words[found[1]]}{found[2] and ' + '}", law)
+    about = "; ".join(f"{words[site]}: {_about(own['law'])}" for site, own in given.items())
+    return {"name": law, "label": label, "about": about, "given": given}
 
 
 def _about(law: str) -> str:

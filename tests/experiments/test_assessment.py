@@ -723,5 +723,11 @@ def test_only_what_differs_between_the_cars_is_listed():
     assert assessment.differing({"measured": measured, "one": one, "same": one}) is None
     rows = dict(assessment.differing({"measured": measured, "one": one, "two": two}))
     assert rows["column.K_tb"] == [None, 130.0, 143.0]
+    of_sites = provenance.trace(car=cars.load(), friction={"sites": friction.resolve("masing@gear+dahl@upper_column")})
+    at_sites = replace(one, meta={**one.meta, "trace": {**one.meta["trace"], **of_sites}})
+    rows = dict(assessment.differing({"one": one, "sites": at_sites}))
+    assert rows["friction.law"] == ["lugre", None]
+    assert rows["friction.gear.law"] == [None, "masing"]
+    assert rows["friction.upper_column.F_c"] == [None, 0.9]
     page = assessment.page_of(assessment.assess({"one": one, "two": two}), {"one": one, "two": two}).html()
     assert "<td>column.K_tb</td><td>130</td><td>143</td>" in page

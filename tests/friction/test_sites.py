@@ -253,6 +253,24 @@ def test_sites_as_text():
             friction.resolve(bad)
 
 
+@pytest.mark.parametrize(
+    "given",
+    [
+        "masing,elements=4,efficiency=0.9:0.85@gear+coulomb,F_c=0.05@upper_column",
+        {"gear": {"law": "masing", "efficiency": {"lead_angle": 0.25, "friction_coefficient": 0.05}}, "rack": "gms"},
+        {
+            "lower_column": {"law": "lugre", "F_s": 1.2, "allow_active": True, "load": 2e-4},
+            "motor": friction.make("gms"),
+        },
+        friction.resolve("dahl,F_c=0.3@upper_column+masing,efficiency=0.9@gear"),
+    ],
+)
+def test_text_repeats_the_sites(given):
+    text = sites.as_text(given)
+    assert repr(friction.resolve(text)) == repr(friction.resolve(given))
+    assert sites.as_text(text) == text
+
+
 def test_what_was_left_out_follows_what_is_varied():
     """Growth by efficiency belongs to the motor's torque, whatever the preload; F_s of LuGre follows its F_c."""
     for friction_torque in (0.3, 1.8):

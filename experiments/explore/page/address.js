@@ -15,6 +15,8 @@ function steerAddress(declared) {
     law: declared.laws.map((/** @type {any} */ law) => law.name), chassis: declared.chassis,
     manoeuvre: Object.keys(declared.drives.manoeuvres),
   };
+  /** What the page calls a law. @type {Record<string, string>} */
+  const labels = Object.fromEntries(declared.laws.map((/** @type {any} */ law) => [law.name, law.label]));
   const usual = { law: known.law[0], chassis: known.chassis[0], manoeuvre: known.manoeuvre[0] };
 
   /** @param {CarShown} shown @param {Record<string, string>} more */
@@ -49,5 +51,5 @@ function steerAddress(declared) {
     return found.toString();
   }
 
-  return { PINS, known, written, read, whole };
+  return { PINS, known, labels, written, read, whole };
 }

@@ -45,20 +45,34 @@ function steerFiles(declared) {
     }).join("\n");
   }
 
-  /** Values of a law by its own names. @param {Record<string, number>} values */
+  /** Values of a law by its own names, of sites SITE.NAME. @param {Record<string, number>} values @returns {[string, number][]} */
   const ofLaw = (values) => Object.entries(values).flatMap(([name, value]) =>
-    name.startsWith("friction.") ? [[name.slice("friction.".length), value]] : []);
+    name.startsWith("friction.") ? [/** @type {[string, number]} */ ([name.slice("friction.".length), value])] : []);
+
+  /** What `friction=` takes for a law, or for sites, with the values of the page. @param {Chosen} of */
+  function friction(of) {
+    const { given } = declared.laws.find((/** @type {any} */ law) => law.name === of.law);
+    const found = JSON.parse(JSON.stringify(given));
+    for (const [name, value] of ofLaw(of.values)) {
+      const [key, site] = name.split(".").reverse();
+      (site ? found[site] : found)[key] = value;
+    }
+    return found;
+  }
+
+  /** A value in Python's words. @param {any} value @returns {string} */
+  const python = (value) => (typeof value !== "object" || Array.isArray(value) ? JSON.stringify(value)
+    : `{${Object.entries(value).map(([key, own]) => `"${key}": ${python(own)}`).join(", ")}}`);
 
   /** Lines of Python that make an environment of the car. @param {Chosen} of @param {string} file of the car
       @param {number} kph */
   function environmentLines(of, file, kph) {
-    const law = [["law", of.law], ...ofLaw(of.values)].map(([key, value]) => `"${key}": ${JSON.stringify(value)}`);
     const options = Object.entries(environment.options).flatMap(([name, option]) =>
       name in of.values ? [`"${option}": ${of.values[name]}`] : []);
     return [
       "import gymnasium as gym", "", "import steer_env  # registers the environments", "", "env = gym.make(", `    "${kph ? environment.driven : environment.standing}",`,
       `    vehicle=${JSON.stringify(file)},  # the car file of the same page, in this folder`,
-      `    friction={${law.join(", ")}},`, `    chassis="${of.chassis}",`, ...(kph ? [`    speed=${kph} / 3.6,`] : []), ")",
+      `    friction=${python(friction(of))},`, `    chassis="${of.chassis}",`, ...(kph ? [`    speed=${kph} / 3.6,`] : []), ")",
       `observation, info = env.reset(seed=0${options.length ? `, options={${options.join(", ")}}` : ""})`, "",
     ].join("\n");
   }

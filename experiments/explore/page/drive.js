@@ -96,7 +96,7 @@ async function steerDrive(declared) {
     const label = (/** @type {string} */ name) =>
       parameters.find((/** @type {Field} */ q) => q.name === name).label.split(",")[0];
     const changed = Object.entries(of.values).map(([name, value]) => `${label(name)} ${value}`);
-    return [spaced(of.law), spaced(of.chassis), ...changed].join(", ");
+    return [address.labels[of.law], spaced(of.chassis), ...changed].join(", ");
   }
 
   function list() {

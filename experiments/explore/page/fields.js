@@ -8,7 +8,7 @@
 /** @param {HTMLElement} host @param {(name: string, value: number) => void} onChange */
 function steerFields(host, onChange) {
   const STEPS = 200;
-  const OPEN = ["Friction law", "Drive", "Assist", "Steering"];
+  const OPEN = /^(Friction|Drive$|Assist$|Steering$)/;
 
   /** Why a value is refused; empty where it is not. Python's words, where Python refuses it too.
       @param {Field} field @param {number} value @param {string} text as it was given */
@@ -88,7 +88,7 @@ function steerFields(host, onChange) {
     host.replaceChildren();
     for (const name of new Set(fields.map((field) => field.group))) {
       const group = /** @type {HTMLDetailsElement} */ (element("details", { "data-group": name }));
-      group.open = open.get(name) ?? OPEN.includes(name);
+      group.open = open.get(name) ?? OPEN.test(name);
       group.append(element("summary", {}, name));
       for (const field of fields.filter((each) => each.group === name)) add(field, values[field.name], group);
       host.append(group);

@@ -272,7 +272,7 @@ async function steerDeclared(declared) {
       const label = (/** @type {string} */ key) =>
         parametersOf(of).find((/** @type {Field} */ q) => q.name === key).label.split(",")[0];
       const changed = Object.entries(of.values).map(([key, value]) => `${label(key)} ${value}`);
-      line.textContent = [`${name}: ${spaced(of.law)}`, spaced(chassisOf(of)), ...changed].join(", ");
+      line.textContent = [`${name}: ${address.labels[of.law]}`, spaced(chassisOf(of)), ...changed].join(", ");
       return line;
     }));
     for (const button of /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll("button.pin"))) {
@@ -316,7 +316,7 @@ async function steerDeclared(declared) {
     fields.show(parametersOf(shown).map((/** @type {Field} */ q) => (q.name === speed.name ? { ...q, ...fixed } : q)), values(shown));
   }
 
-  for (const name of known.law) find("law").append(new Option(spaced(name), name));
+  for (const name of known.law) find("law").append(new Option(address.labels[name], name));
   for (const name of known.chassis) find("chassis").append(new Option(spaced(name), name));
   for (const name of known.manoeuvre) find("manoeuvre").append(new Option(manoeuvres[name].title, name));
   for (const id of ["law", "chassis"]) find(id).addEventListener("change", () => told(another()));

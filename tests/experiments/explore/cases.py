@@ -11,8 +11,9 @@ from steer_env.vehicle import cars, chassis
 from tests.experiments.explore.chromium import Chromium, chromium_needed
 from tests.experiments.explore.firefox import Firefox, firefox_needed
 
-# Laws and chassis: pairs in every run, the product in the whole suite.
-QUICK = [("lugre", "single_track"), ("masing", "two_track")]
+SITES = "masing,efficiency=0.88@gear+coulomb,F_c=0.05@upper_column"
+# Laws or sites, and chassis: pairs in every run, the product in the whole suite.
+QUICK = [("lugre", "single_track"), ("masing", "two_track"), (SITES, "two_track")]
 OTHERS = [(law, body) for law in friction.available() for body in chassis.available() if (law, body) not in QUICK]
 EACH = [*QUICK, *(pytest.param(*pair, marks=pytest.mark.whole) for pair in OTHERS)]
 CHANGED = {

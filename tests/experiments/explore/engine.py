@@ -67,7 +67,7 @@ class Engine:
         return json.loads(found)
 
 
-@lru_cache(2)
+@lru_cache(3)
 def engine(law, body):
-    """The engine of a law on a chassis; the last two are kept, as several tests in a row need them."""
+    """The engine of a law on a chassis; the last three are kept, as several tests in a row need them."""
     return Engine(law, body)

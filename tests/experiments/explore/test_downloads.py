@@ -1,18 +1,22 @@
 """What the page hands on is what Python takes: a car file, lines that make an environment, a recording, pictures."""
 
+import ast
+import json
+import re
 import runpy
 import time
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from py_mini_racer import MiniRacer
 
-from steer_env import metrics, recording
-from steer_env.experiments.explore import parameters
+from steer_env import friction, metrics, recording
+from steer_env.experiments.explore import parameters, writing
 from steer_env.friction.numerics.packing import numbers
 from steer_env.vehicle import cars
 from tests.experiments.explore.browser import PATIENCE
-from tests.experiments.explore.cases import CHANGED, READY, address
+from tests.experiments.explore.cases import CHANGED, READY, SITES, address
 from tests.experiments.explore.chromium import Chromium, chromium_needed
 
 pytestmark = chromium_needed
@@ -65,6 +69,29 @@ def test_the_lines_make_an_environment_of_the_car(downloads, monkeypatch):
     assert made["info"]["conditions"]["friction_level"] == VALUES["friction_scale"]
     assert made["info"]["conditions"]["load"] == VALUES["load"]
     assert made["info"]["conditions"]["speed"] == pytest.approx(VALUES["speed_kph"] / 3.6)
+
+
+@pytest.mark.parametrize(
+    ("law", "changed"),
+    [
+        ("masing", {"friction.F_c": 1.4}),  # whose x_c follows F_c in Python, and not in the page
+        (SITES, {"friction.gear.F_c": 1.1, "friction.gear.efficiency": 0.75, "friction.upper_column.F_c": 0.12}),
+        ("masing,k=100:50,y=0.002:0.008@rack", {"friction.rack.asymmetry": 0.1}),
+        ("masing@column_eps", {"friction.column_eps.F_c": 1.1, "friction.column_eps.efficiency": 0.8}),
+    ],
+)
+def test_the_lines_have_the_friction_of_the_page(law, changed):
+    car, context = cars.load("compact"), MiniRacer()
+    context.eval((writing.PAGE / "downloads.js").read_text(encoding="utf-8"))
+    given = [writing.declared(car, [writing.Combination(law, "single_track")])]
+    given.append({"law": law, "chassis": "single_track", "values": changed})
+    lines = context.eval(
+        f"(([declared, of]) => steerFiles(declared).environmentLines(of, 'compact', 90))({json.dumps(given)})"
+    )
+    found = ast.literal_eval(re.search(r"friction=(.*),\n", lines)[1])
+    shown = {q.name: q.value for q in parameters.every(car, law, "single_track")} | changed
+    expected = parameters.plant(car, law, "single_track", shown).friction
+    np.testing.assert_array_equal(numbers(friction.resolve(found)), numbers(expected))
 
 
 def test_the_recording_has_the_metrics_of_the_page(downloads):

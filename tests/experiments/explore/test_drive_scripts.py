@@ -12,6 +12,7 @@ from steer_env.live.real_time.model import model_of, step
 from steer_env.live.real_time.recorder import OWN, Recorder
 from steer_env.recording import driven, read
 from steer_env.vehicle import cars, plant, subsystems
+from tests.experiments.explore.cases import QUICK
 from tests.experiments.explore.engine import engine
 
 SWITCHED, LENGTH = 700, 1500  # samples
@@ -37,7 +38,7 @@ DRIVE = """{
 }"""
 
 
-@pytest.mark.parametrize(("law", "body"), [("lugre", "single_track"), ("masing", "two_track")])
+@pytest.mark.parametrize(("law", "body"), QUICK)
 def test_another_car_takes_over_as_in_the_native_drive(law, body):
     car, made = cars.load("compact"), engine(law, body)
     both = [{q["name"]: q["value"] for q in made.structure["parameters"]} | each for each in ({}, CHANGED)]

@@ -12,7 +12,7 @@ import pytest
 from steer_env import friction
 from steer_env.experiments import explore
 from steer_env.vehicle.keys import checked
-from tests.experiments.explore.cases import CHANGED, READY, address, evaluated, in_both
+from tests.experiments.explore.cases import CHANGED, READY, SITES, address, evaluated, in_both
 from tests.experiments.explore.chromium import Chromium, chromium_needed
 
 UNSTABLE = {"column.K_tb": 290.0, "column.I2": 0.02}
@@ -31,6 +31,27 @@ def test_metrics_are_those_of_python(page, browser):
     browser.until(READY)
     found, expected = browser.value("steerShown.answer.values"), evaluated("lugre", "single_track", CHANGED)
     assert {name: pytest.approx(value.value, rel=1e-4) for name, value in expected.items()} == found
+
+
+@in_both
+def test_sites_have_sliders_and_the_metrics_of_python(tmp_path_factory, browser):
+    page = explore.explore(tmp_path_factory.mktemp("sites") / "page", friction=[SITES], chassis=["single_track"])
+    changed = {"friction.gear.F_c": 1.1, "friction.gear.efficiency": 0.75, "friction.gear.x_c": 0.006}
+    changed |= {"friction.gear.load": 1e-4, "friction.upper_column.F_c": 0.12, "friction_scale": 1.2}
+    browser.open(address(page, law=quote(SITES), A=quote(f"law={quote(SITES)}"), **changed))
+    browser.until(f"{READY} && steerShown.pins.A?.answer.exact")
+    found, expected = browser.value("steerShown.answer.values"), evaluated(SITES, "single_track", changed)
+    assert {name: pytest.approx(value.value, rel=1e-4) for name, value in expected.items()} == found
+    assert found["torque_deadband"] > 1.1 * browser.value("steerShown.pins.A.answer.values.torque_deadband")
+    browser.value("document.querySelector('input[type=range][data-name=\"friction.gear.efficiency\"]').focus()")
+    browser.key("ArrowRight")
+    browser.until("location.hash.includes('friction.gear.efficiency=0.752')")
+    shown = browser.value("location.hash")
+    assert f"law={quote(SITES, safe='')}" in shown
+    browser.open(f"{page.with_name('drive.html').as_uri()}{shown}")
+    browser.until("typeof steerDriven === 'object' && steerDriven.ready")
+    told = browser.value("document.getElementById('cars').textContent")
+    assert "masing,efficiency=0.88 at gear + coulomb,F_c=0.05 at upper column, single track, gear.F_c 1.1" in told
 
 
 def test_a_weave_of_an_unstable_assist_loop_has_no_metrics(page, browser):

@@ -17,6 +17,9 @@ from steer_env.experiments.explore import policies
         ({"friction": ["stiction"]}, "friction must be one of"),
         ({"chassis": ["tricycle"]}, "chassis must be one of"),
         ({"friction": []}, "needs a friction law and a chassis"),
+        ({"friction": [{"law": "lugre", "F_c": 1.2}]}, "by its name alone, or several sites"),
+        ({"friction": ["masing@gear+masing@gear"]}, "each site once"),
+        ({"friction": ["lugre", {"gear": {"law": "masing", "efficiency": 1.2}}]}, "friction at gear: efficiency must"),
         ({"vehicle": "tank"}, "vehicle must be"),
     ],
 )
