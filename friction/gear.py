@@ -4,7 +4,7 @@ Source of (F45): textbooks of machine elements, for example Shigley, Mechanical 
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -62,7 +62,10 @@ def efficiency(given: Any) -> Efficiency:
         return constructed("the worm gear", worm, given)
     if isinstance(given, bool | str):
         raise ValueError(f"efficiency must be a number, two or a mapping, got {given!r}")
-    values = numbers("efficiency", np.atleast_1d(given))
+    if not isinstance(given, Sequence | np.ndarray):
+        both = number("efficiency", given, minimum=0.0, maximum=1.0, above=True)
+        return Efficiency(both, both)
+    values = numbers("efficiency", given)
     if values.size not in (1, 2) or not np.all((values > 0.0) & (values <= 1.0)):
         raise ValueError(
             "efficiency must be one number for both directions or two, driving and driven back, each above 0 (a gear "

@@ -309,8 +309,9 @@ def scaled(parameters: Any, share: float) -> dict[str, Any]:
     ValueError
         For a law that does not say the unit of each of its parameters.
     """
-    mapping, units = as_mapping(parameters), law_of(parameters).units
-    for name in mapping.keys() - {"law"}:
+    law, mapping = law_of(parameters), as_mapping(parameters)
+    units = law.units
+    for name in mapping.keys() - {"law"} - law.permission(parameters).keys():
         if name not in units:
             raise ValueError(f"law {mapping['law']!r} has a share only where its units name {name!r}")
         if units[name].startswith("N m"):

@@ -492,10 +492,10 @@ def _split(given: Mapping[str, Any]) -> dict[str, Any]:
         shares = defaults.SHARES[steering]
         if other := sorted(given.keys() & {ABOVE, *BELOW}):
             raise ValueError(f"friction at {steering} is that of all its sites: leave it or {other[0]} out")
-        law, keys = laws.parts(found.pop(steering))
-        own = {key: keys.pop(key) for key in _OWN_KEYS & keys.keys()}
-        of_gear = {key: own.pop(key) for key in _OF_GEAR & own.keys()} or {"efficiency": defaults.GEAR_EFFICIENCY}
         try:
+            law, keys = laws.parts(found.pop(steering))
+            own = {key: keys.pop(key) for key in _OWN_KEYS & keys.keys()}
+            of_gear = {key: own.pop(key) for key in _OF_GEAR & own.keys()} or {"efficiency": defaults.GEAR_EFFICIENCY}
             p = laws.resolve({"law": law, **keys})
             found |= {site: {**laws.scaled(p, share), **own} for site, share in shares.items()}
         except ValueError as error:
@@ -521,7 +521,8 @@ def _site(name: str, given: Any, start: int) -> Site:
     if "efficiency" in own:
         if driving or driven:
             raise ValueError("give the efficiency, or driving and driven, which follow from it")
-        driving, driven = _growth(gear.efficiency(own.pop("efficiency")), p)
+        growth = _growth(gear.efficiency(own.pop("efficiency")), p)
+        driving, driven = map(not_negative, ("driving", "driven"), growth)
     level = constructed("level", make_level, own)
     return Site(p, level, driving, driven, start, start + law_of(p).memory_size(p))
 
@@ -600,8 +601,9 @@ def resolve(friction: Any) -> Any:
     if isinstance(friction, Mapping) and friction.keys() & {ABOVE, *BELOW, *defaults.SHARES}:
         return make_sites(friction)
     if fitted_file.named(friction) and fitted_file.of_sites(friction):
+        held = fitted_file.read(friction)
         try:
-            return make_sites(fitted_file.read(friction))
+            return make_sites(held)
         except ValueError as error:
             raise ValueError(f"{friction}: {error}") from None
     if isinstance(friction, str) and "@" in friction and not fitted_file.named(friction):
@@ -701,6 +703,16 @@ def as_given(friction: Any) -> dict[str, dict[str, Any]]:
         friction = fitted_file.read(friction)
     found = _of_text(friction) if isinstance(friction, str) else friction
     return {site: {"law": law, **own} for site, (law, own) in ((site, laws.parts(own)) for site, own in found.items())}
+
+
+def with_defaults(friction: Any) -> dict[str, dict[str, Any]]:
+    """Sites as of :func:`as_given`, with the parameters of their laws that were left out, for :func:`varied`."""
+    found = as_given(friction)
+    for site, given in found.items():
+        p = laws.resolve({key: value for key, value in given.items() if key not in _OWN_KEYS})
+        usual = {"efficiency": defaults.GEAR_EFFICIENCY} if site in defaults.SHARES else {}
+        found[site] = {**laws.as_mapping(p), **({} if _OF_GEAR & given.keys() else usual), **given}
+    return found
 
 
 def as_text(friction: Any) -> str:

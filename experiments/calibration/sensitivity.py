@@ -15,7 +15,7 @@ from steer_env.experiments.calibration.screening import Design, Effect
 from steer_env.experiments.sweep import Runner, run
 from steer_env.friction.law import LAWS
 from steer_env.friction.numerics.check import number
-from steer_env.friction.sites import Sites
+from steer_env.friction.sites import Sites, with_defaults
 from steer_env.metrics import available, definition
 from steer_env.targets import Targets
 from steer_env.tuning import driving, parameters, reward
@@ -180,11 +180,11 @@ def _number_of(car: Car, law: Any, name: str) -> float:
 
 def _of_friction(law: Any, name: str) -> tuple[dict[str, Any], str]:
     """The law, of sites that of the site, of which a name that begins with ``FRICTION`` is a parameter, and its key."""
-    given, key = friction.as_mapping(law), name.removeprefix(FRICTION)
-    if not isinstance(law, Sites):
-        return given, key
+    p, key = friction.resolve(law), name.removeprefix(FRICTION)
+    if not isinstance(p, Sites):
+        return friction.as_mapping(p), key
     site, _, key = key.partition(".")
-    return given.get(site, {}), key
+    return with_defaults(law).get(site, {}), key
 
 
 def value(factor: Range, x: float) -> float:

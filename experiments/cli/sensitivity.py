@@ -54,9 +54,10 @@ def run(args: argparse.Namespace) -> None:
     sweep, wanted = runner(args), targets.load(args.targets)
     given = getattr(args.friction, "text", args.friction)
     car, law = car_options.load(args), friction.resolve(given)
-    factors = sensitivity.factors_of(car, law, [*(args.parameters or problem.USED), *args.also], args.span)
+    given = given if isinstance(law, Sites) else law
+    factors = sensitivity.factors_of(car, given, [*(args.parameters or problem.USED), *args.also], args.span)
     design = screening.design(len(factors), args.method, args.samples or SAMPLES[args.method], args.seed)
-    study = sensitivity.Study(car, given if isinstance(law, Sites) else law, args.chassis, factors)
+    study = sensitivity.Study(car, given, args.chassis, factors)
     label = getattr(args.friction, "label", args.friction)
     with progress("driving") as notify:
         results = sensitivity.collect(study, wanted, label, design, sweep, notify)

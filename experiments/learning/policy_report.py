@@ -31,6 +31,7 @@ from steer_env.experiments.sweep import Runner, run
 from steer_env.friction.law import law_of
 from steer_env.friction.numerics import toml
 from steer_env.friction.numerics.check import read_number
+from steer_env.friction.sites import Sites, as_text
 
 CONTENTS = frozenset({"index.html", "evaluation.json"})
 MOST = 10  # controllers on the first screen
@@ -130,9 +131,11 @@ def _range(pair: Any, unit: str = "") -> str:
 
 
 def _law(law: Any) -> str:
-    """Name of a law with the parameters that are not its defaults."""
+    """Name of a law with the parameters that are not its defaults; sites as text."""
     if isinstance(law, str):
         return law
+    if isinstance(law, Sites):
+        return as_text(law)
     name = law_of(law).name
     usual = friction.make(name)._asdict()
     own = {key: value for key, value in law._asdict().items() if str(value) != str(usual[key])}

@@ -68,9 +68,9 @@ def prepared(recording: Recording, prior: Prior | None = None) -> Drive:
         For a missing channel, torque in counts, an angle or a torque of another unit or sign, hands that are off, or
         less than ``SHORTEST`` of use; with the remedy.
     """
-    named, counted = _channels(recording)
+    named, left_out = _channels(recording)
     time, weight, notes = even(recording, named)
-    notes += counted
+    notes += left_out
     read = {channel: at_instants(recording, name, time) for channel, name in named.items()}
     angle = smoothed(read["handwheel_angle"], 1.0 / RATE)
     speed, torque = read["vehicle_speed"], read["torsion_bar_torque"]
@@ -138,10 +138,17 @@ def _channels(recording: Recording) -> tuple[dict[str, str], tuple[str, ...]]:
         if recording.units[names[0]] != unit:
             raise ValueError(f"{names[0]} is in {recording.units[names[0]]}, and {channel} is needed in {unit}")
         found[channel] = names[0]
-    others = [name for name in TORQUES if name in recording.channels and name not in found.values()]
-    counted = [name for name in others if recording.units[name] == COUNTS]
-    found |= {name: name for name in others if name not in counted}
-    return found, tuple(f"{name} is in counts of its sensor, and is not compared with a car" for name in counted)
+    left_out = {}
+    for name in (name for name in TORQUES if name in recording.channels and name not in found.values()):
+        if recording.units[name] == COUNTS:
+            left_out[name] = "is in counts of its sensor"
+        elif recording.units[name] != "N m":
+            left_out[name] = f"is in {recording.units[name]} and not in N m"
+        elif np.isnan(recording[name]).all():
+            left_out[name] = "has no values"
+        else:
+            found[name] = name
+    return found, tuple(f"{name} {why}, and is not compared with a car" for name, why in left_out.items())
 
 
 def even(recording: Recording, named: dict[str, str]) -> tuple[Array, Array, tuple[str, ...]]:

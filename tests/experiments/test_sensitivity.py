@@ -142,6 +142,35 @@ def test_a_parameter_of_a_site_is_varied_as_if_it_were_given(car):
         sensitivity.factors_of(car, friction.resolve(given), ("load", "friction.rack.F_c"))
 
 
+@pytest.mark.parametrize(
+    ("given", "key", "own"),
+    [
+        ("lugre@column_eps", "column_eps.F_c", 0.9),
+        ("lugre@column_eps", "column_eps.efficiency", 0.88),
+        ("lugre,driving=0.1@column_eps", "column_eps.driving", 0.1),
+        ("masing,F_c=0.8,efficiency=0.9@gear", "gear.F_c", 0.8),
+        ("masing,efficiency=0.9@gear", "gear.efficiency", 0.9),
+    ],
+)
+def test_what_is_varied_of_sites_is_what_their_text_takes(car, given, key, own):
+    factor = sensitivity.factors_of(car, given, ("load", f"friction.{key}={0.9 * own}:{1.05 * own}"))[1]
+    assert factor.own == own
+    assert repr(friction.varied(given, {key: factor.low})) != repr(friction.resolve(given))
+
+
+@pytest.mark.parametrize(
+    ("given", "key"),
+    [
+        ("lugre@column_eps", "gear.F_c"),
+        ("lugre,driving=0.1@column_eps", "column_eps.efficiency"),
+        ("lugre,efficiency=0.9@gear", "gear.driving"),
+    ],
+)
+def test_what_the_text_of_sites_does_not_take_is_refused(car, given, key):
+    with pytest.raises(ValueError, match=f"has no number 'friction.{key}'"):
+        sensitivity.factors_of(car, given, ("load", f"friction.{key}=0.1:0.2"))
+
+
 @pytest.mark.whole
 def test_page_json_and_repeatability(tmp_path):
     """The command twice in other places and processes: the same numbers to the bit; bands, signs."""

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import stable_baselines3
 
-from steer_env import assists
+from steer_env import assists, friction
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.learning import assist_suite, held_out, policy, policy_report, shift, training
 from steer_env.experiments.learning.constants import SHIFTS
@@ -394,6 +394,17 @@ def test_differences_are_shaded_by_what_is_better():
     assert policy_report.shade("steering_work", estimate(0.5), one, one) == "differs"
     assert policy_report.shade("reward", estimate(0.05), one, one) == ""
     assert policy_report.shade("cost", held_out.Estimate(1e-17, 1e-18, 2e-17), estimate(0.0), estimate(0.0)) == ""
+
+
+@pytest.mark.parametrize(
+    ("law", "words"),
+    [
+        ("lugre,F_c=1.2", "lugre, F_c 1.2, F_s 1.2"),
+        ("coulomb,F_c=0.1@upper_column+dahl@gear", "coulomb,F_c=0.1@upper_column+dahl,sigma_0=100,F_c=0.9@gear"),
+    ],
+)
+def test_a_report_tells_the_friction(law, words):
+    assert policy_report.conditions({"friction": friction.resolve(law)}) == {"friction": words}
 
 
 @pytest.mark.whole

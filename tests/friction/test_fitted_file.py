@@ -43,6 +43,10 @@ def test_a_file_may_hold_sites(fitted):
     fitted.write_text(json.dumps({"friction": {"wheel": LAW}}))
     with refused(["fitted.json: a site of friction must be", "'wheel'"]):
         friction.resolve(fitted)
+    fitted.write_text(json.dumps({"friction": sites, "units": 3}))
+    with pytest.raises(ValueError, match="units must be a mapping") as refusal:
+        friction.resolve(fitted)
+    assert str(refusal.value).count("fitted.json") == 1
 
 
 def test_an_environment_does_not_need_the_file_any_more(fitted):

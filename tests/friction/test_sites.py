@@ -81,6 +81,8 @@ def test_the_shares_of_a_steering_keep_what_is_given_with_the_law():
     assert p.rack.level == p.upper_column.level == Level(temperature_rate=0.01, temperature_rise=5.0)
     assert repr(friction.resolve(sites.as_mapping(p))) == repr(p)
     assert friction.resolve("lugre@column_eps").gear.driving * 0.27 == pytest.approx(0.12)
+    active = friction.resolve("lugre,F_s=3,sigma_1=50,allow_active=1@column_eps")
+    assert active.rack.law.sigma_1 == pytest.approx(30.0)
 
 
 @pytest.mark.parametrize(("above", "below"), PAIRS)
@@ -208,6 +210,9 @@ def test_efficiencies_of_a_worm_are_those_of_statics():
             "friction_coefficient must be less than 0.06664",
         ),
         ({"gear": {"law": "masing", "tooth": 3}}, "friction at gear: .*no parameter 'tooth'"),
+        ({"gear": {"law": "masing", "efficiency": 1e-320}}, "friction at gear: driven must be finite"),
+        ({"column_eps": "lugre", "rack": "lugre"}, "at column_eps is that of all its sites: leave it or rack out"),
+        ({"column_eps": None}, "^friction at column_eps: None is not"),
     ],
 )
 def test_what_is_refused(given, message):

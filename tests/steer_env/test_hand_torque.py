@@ -197,6 +197,8 @@ def test_other_torques_are_kept_with_their_sign_and_unit():
     for values, unit, why in (
         (motor, "counts", "is in counts of its sensor"),
         (0.0 * motor, "N m", "does not follow the other torques"),
+        (motor, "A", "is in A and not in N m"),
+        (np.nan * motor, "N m", "has no values"),
         (at_rest, "N m", "does not follow the other torques"),
     ):
         without = prepared(changed(motor_torque=(values, unit)))

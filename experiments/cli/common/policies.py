@@ -48,12 +48,12 @@ def trace(args: argparse.Namespace, made: Mapping[str, Any]) -> dict[str, Any]:
     """The trace of an evaluation with these arguments of the environment."""
     from steer_env.experiments.pages import provenance
     from steer_env.friction import resolve
-    from steer_env.friction.law import law_of
+    from steer_env.friction.sites import named
     from steer_env.vehicle import cars
 
     law = resolve(made.get("friction", "lugre"))
     car = cars.load(made.get("vehicle", "compact"))
-    laws = {law_of(law).name: law}
+    laws = {named(law): law}
     name = args.out.name
     return provenance.trace(command=args.argv, result=name, car=car, friction=laws, inputs=inputs.of(args))
 

@@ -47,6 +47,15 @@ def test_a_car_with_functions_that_change_with_the_speed_is_itself():
     np.testing.assert_array_equal(numbers(parameters.plant(car, "lugre", "single_track", {})), numbers(own))
 
 
+@pytest.mark.parametrize("law", ["masing,efficiency=0.88@gear", "lugre@column_eps"])
+def test_an_efficiency_is_above_zero_and_at_most_one(law):
+    (q,) = (q for q in parameters.every(cars.load("compact"), law, "single_track") if q.name.endswith(".efficiency"))
+    assert (q.least, q.most, q.above) == (0.0, 1.0, True)
+    for value in (q.least, 1.01):
+        with pytest.raises(ValueError, match="efficiency must be finite and greater than 0 and at most 1"):
+            friction.varied(law, {q.name.removeprefix("friction."): value})
+
+
 @pytest.mark.parametrize(("law", "body"), FEW)
 def test_the_limits_of_a_field_are_those_of_python(law, body):
     car = cars.load("compact")
