@@ -716,13 +716,19 @@ def with_defaults(friction: Any) -> dict[str, dict[str, Any]]:
 
 
 def as_text(friction: Any) -> str:
-    """Sites from a form of :func:`resolve` as the text that it turns into them again, without a file."""
+    """A law or sites in a form of :func:`resolve` as the text that it turns into them again, without a file."""
+    if not isinstance(p := resolve(friction), Sites):
+        return _law_as_text(as_mapping(p))
     found = []
     for site, own in as_given(friction).items():
         if isinstance(own.get("efficiency"), Mapping):
             own["efficiency"] = gear.efficiency(own["efficiency"])
-        found.append(f"{','.join([own.pop('law'), *(f'{key}={_word(value)}' for key, value in own.items())])}@{site}")
+        found.append(f"{_law_as_text(own)}@{site}")
     return "+".join(found)
+
+
+def _law_as_text(given: Mapping[str, Any]) -> str:
+    return ",".join([given["law"], *(f"{key}={_word(value)}" for key, value in given.items() if key != "law")])
 
 
 def _word(value: Any) -> str:

@@ -50,7 +50,7 @@ def run(args: argparse.Namespace) -> None:
     from steer_env.experiments.pages import files, provenance
     from steer_env.experiments.pages.options import progress
     from steer_env.experiments.reports import steering_fit
-    from steer_env.friction.law import law_of
+    from steer_env.friction.sites import named
     from steer_env.hand_torque import identify, prepared
 
     out = Path(args.out or f"steering_{name}")
@@ -83,7 +83,7 @@ def run(args: argparse.Namespace) -> None:
     )
     beside = None
     if live and isinstance(of_car, ColumnFit):
-        beside = live(steering_fit.fitted_car(of_car, name), {law_of(of_car.friction).name: of_car.friction})
+        beside = live(steering_fit.fitted_car(of_car, name), {named(of_car.friction): of_car.friction})
     steering_fit.write(out, found, name, of_car, trace, beside)
     print(out / "index.html")
 

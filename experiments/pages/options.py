@@ -3,10 +3,9 @@
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 # Those of steer_env.friction.law and steer_env.friction.sites, which take longer to import.
 FRICTION = "LAW[,key=value...], a list of numbers as a:b:c, or a fitted FILE.json"
@@ -41,24 +40,12 @@ class Friction:
 
     def __init__(self, text: str) -> None:
         from steer_env import friction
-        from steer_env.friction import fitted_file
+        from steer_env.friction import fitted_file, sites
 
         self.given = self.label = self.text = text
         self.parameters = friction.resolve(text)
         if fitted_file.named(text):
-            held = friction.as_mapping(self.parameters)
-            several = [f"{_text(law)}@{site}" for site, law in held.items()] if "law" not in held else [_text(held)]
-            self.label, self.text = Path(text).name, "+".join(several)
-
-
-def _text(law: Mapping[str, Any]) -> str:
-    """A law with its parameters as text without loss."""
-    return ",".join([law["law"], *(f"{key}={_plain(value)}" for key, value in law.items() if key != "law")])
-
-
-def _plain(value: float | list[float]) -> str:
-    """A parameter's value as text without loss."""
-    return ":".join(map(repr, value)) if isinstance(value, list) else repr(value)
+            self.label, self.text = Path(text).name, sites.as_text(self.parameters)
 
 
 def _lines(total: float | None, timed: bool) -> Callable[[float, str], None]:

@@ -66,6 +66,7 @@ def environment() -> jinja2.Environment:
         words.percent,
         words.change,
         words.label,
+        words.law_name,
         words.unit,
         words.prose,
         words.span,

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from steer_env.experiments.pages.plots import coincide
 from steer_env.experiments.pages.style import DASHES, PALETTE, legend, new_figure, styled, styles
+from steer_env.experiments.pages.words import law_name
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE
 from steer_env.recording.recording import DEGREE
 from steer_env.vehicle.constants import GRAVITY
@@ -386,7 +387,7 @@ def loops(x: Array, torques: Mapping[str, Array]) -> Figure:
     for axes, law in zip(places, others):
         axes.plot(x / DEGREE, torques[first], color="#b9c1cb", linewidth=1.6)
         axes.plot(x / DEGREE, torques[law], **{**look[law], "linewidth": 0.9, "linestyle": "-"})
-        axes.set_title(law.replace("_", " "), color=look[law]["color"], fontsize=8)
+        axes.set_title(law_name(law), color=look[law]["color"], fontsize=8)
     for place, axes in enumerate(places[len(others) :], len(others)):
         axes.set_axis_off()
         places[place - _ACROSS].xaxis.set_tick_params(labelbottom=True)  # the lowest of its column
@@ -422,7 +423,7 @@ def terms(shares: Mapping[str, Mapping[str, Sequence[float]]], threshold: float,
             x = np.clip(100.0 * np.array(of.get(law, ()), float), -edge, edge)
             axes.plot(x, np.full(x.size, place), "o", color=look[law]["color"], markersize=5, alpha=0.7, label=law)
         axes.set(title=title, xlabel="difference [%]", xlim=(-1.04 * edge, 1.04 * edge), ylim=(len(laws) - 0.4, -0.6))
-        axes.set_yticks(range(len(laws)), [law.replace("_", " ") for law in laws])
+        axes.set_yticks(range(len(laws)), [law_name(law) for law in laws])
     return figure
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from steer_env.experiments.pages.pages import image
-from steer_env.experiments.pages.style import colours, new_figure, styled
+from steer_env.experiments.pages.style import colours, legend_of, new_figure, styled
 from steer_env.metrics import CHANNELS, UNITS, RefusedError, frequency_response_curve
 from steer_env.recording.recording import FILE_UNITS, Recording
 
@@ -180,7 +180,7 @@ def draw(shown: Sequence[Panel], name: str, height: float = 2.7, columns: int = 
     shown_once = {
         label: handle for axes in places[: len(shown)] for handle, label in zip(*axes.get_legend_handles_labels())
     }
-    figure.legend(shown_once.values(), shown_once.keys(), loc="outside upper center", ncols=min(len(shown_once), 7))
+    legend_of(figure, list(shown_once.values()), list(shown_once), 7)
     return figure
 
 

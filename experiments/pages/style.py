@@ -4,7 +4,7 @@ import csv
 import functools
 import io
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from itertools import chain, count
@@ -41,6 +41,7 @@ _FIRST = (
     "masing_position",
 )
 LEGEND_COLUMNS = 5  # that a row has room for
+LETTERS, HANDLE = 13.0, 6  # of a legend in an inch, and those that a line with its margins takes the room of
 
 STYLE: Any = {
     "font.family": "sans-serif",
@@ -131,8 +132,13 @@ def new_figure(width: float, height: float) -> Figure:
 
 def legend(figure: Figure, axes: Axes, columns: int | None = None) -> None:
     """A legend of one pair of axes above the whole figure, in rows of ``LEGEND_COLUMNS`` or fewer."""
-    handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=min(columns or LEGEND_COLUMNS, len(labels)))
+    legend_of(figure, *axes.get_legend_handles_labels(), columns or LEGEND_COLUMNS)
+
+
+def legend_of(figure: Figure, handles: Sequence[Any], labels: Sequence[str], columns: int) -> None:
+    """A legend above the whole figure: ``columns`` of the labels in a row, or fewer where they are long."""
+    room = int(LETTERS * figure.get_figwidth() / (max(map(len, labels), default=0) + HANDLE))
+    figure.legend(handles, labels, loc="outside upper center", ncols=max(1, min(columns, len(labels), room)))
 
 
 def _saved(figure: Figure, form: str) -> bytes:

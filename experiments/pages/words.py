@@ -55,6 +55,11 @@ def within(x: float, half: float) -> str:
     return f"{number(value, digits, pad=digits > 1)} ± {number(half, 1)}"
 
 
+def law_name(law: str) -> str:
+    """Name of a law in words; one with parameters or sites as it was given."""
+    return law if "=" in law or "@" in law else law.replace("_", " ")
+
+
 def label(metric: str) -> str:
     """Name of a metric in words, with units as they are written: ``torque_gain_at_1hz`` is "torque gain at 1 Hz"."""
     text = _QUANTITY.sub(lambda m: f" {m[1]}{'.' + m[2] if m[2] else ''}\u00a0{_UNITS[m[3]]}", metric).replace("_", " ")

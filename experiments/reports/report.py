@@ -190,9 +190,10 @@ def _pictures(results: Results) -> dict[str, str]:
     drawn = {
         "characteristics": pictures.characteristics(friction_laws.HISTORIES, results.torques),
         "reversal": pictures.reversal_and_hold(friction_laws.HISTORIES, results.torques),
-        "real_time": pictures.real_time(results.tables, real_time.USABLE),
         "margins": pictures.margins(results.margins, report_findings.TARGETS),
     }
+    if results.tables:
+        drawn["real_time"] = pictures.real_time(results.tables, real_time.USABLE)
     if results.held:
         step = friction_laws.THIN * SAMPLE_TIME
         for state in friction_laws.ASSIST:

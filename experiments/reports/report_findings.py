@@ -16,6 +16,7 @@ from steer_env.experiments.studies.common.assist_margins import TARGETS, Cell
 from steer_env.experiments.studies.common.battery import LEAST, MATTERS
 from steer_env.experiments.studies.friction_laws import Held, Residual, Verdict
 from steer_env.experiments.studies.real_time import Row
+from steer_env.friction import sites
 from steer_env.friction.law import law_of
 from steer_env.manoeuvres import Manoeuvre
 from steer_env.metrics import Value
@@ -310,7 +311,7 @@ def usable(results: Results, scheme: str) -> dict[float | None, list[str]]:
 
 def bounded(results: Results, laws: list[str], scheme: str) -> bool:
     """Whether a scheme stays bounded at every step length with each of the laws."""
-    return all(row.bounded for law in laws for row in results.tables[law] if row.scheme == scheme)
+    return all(row.bounded for law in laws for row in results.tables.get(law, ()) if row.scheme == scheme)
 
 
 def least_margin(results: Results) -> tuple[str, Cell]:
@@ -322,6 +323,11 @@ def least_margin(results: Results) -> tuple[str, Cell]:
 def on_target(results: Results) -> bool:
     """Whether the assist loop keeps the usual margins in every cell at every speed."""
     return all(assist_margins.on_target(cell) for cells in results.margins.values() for cell in cells)
+
+
+def driven_back_db(results: Results) -> float:
+    """By which a worm gear that is driven back raises the gain of the assist loop, the most of all laws [dB]."""
+    return 20.0 * math.log10(max(map(sites.driven_back, results.laws.values())))
 
 
 def usual_interval(results: Results) -> float:

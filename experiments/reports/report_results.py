@@ -179,7 +179,7 @@ def collect(laws: dict[str, Any], scope: Scope, notify: Notify, sweep: Runner = 
         ),
         torques={law: of_law[law].torques for law in laws},
         held=[test for law in laws for test in of_law[law].held],
-        tables={law: of_law[law].rows for law in laws},
+        tables={law: of_law[law].rows for law in laws if of_law[law].rows},
         times=computing_time.of_laws(laws, car, lambda part: notify(0.75 + 0.2 * part, "timing")),
         vehicle=found.get(("full vehicle", None)),
         loop_width=found.get(("loop widths", None)),

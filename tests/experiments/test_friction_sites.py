@@ -2,10 +2,12 @@
 
 import json
 
+import matplotlib
 import numpy as np
 import pytest
 
 from steer_env.experiments.cli.main import main
+from steer_env.experiments.pages import style, words
 from steer_env.experiments.studies.friction_sites import ABOVE, BASE, EQUAL_LOSS, EQUAL_TORQUE, GEAR
 from tests.experiments.first_screen import sentence
 
@@ -57,9 +59,29 @@ def test_the_page_says_what_to_measure(made):
     assert torques[EQUAL_LOSS][BASE] == torques[EQUAL_TORQUE][BASE] > torques[EQUAL_LOSS][GEAR]
 
 
-def test_a_report_drives_two_sites(tmp_path):
-    words = ["--friction", "lugre", "masing@gear+coulomb,F_c=0.05@upper_column", "--out", str(tmp_path / "report")]
-    assert main(["report", *words]) == 0
-    metrics = json.loads((tmp_path / "report" / "metrics.json").read_text())["metrics"]
-    alone, two = metrics["lugre"], metrics["masing@gear+coulomb,F_c=0.05@upper_column"]
-    assert two["torque_at_0g"]["value"] > alone["torque_at_0g"]["value"]
+def test_a_report_of_sites_alone(tmp_path):
+    """It claims nothing of schemes that were not run, and tells what a worm gear takes of the margins."""
+    out, laws = tmp_path / "report", ["lugre@column_eps", "masing@gear+coulomb,F_c=0.3@upper_column"]
+    assert main(["report", "--friction", *laws, "--out", str(out)]) == 0
+    split, two = (json.loads((out / "metrics.json").read_text())["metrics"][law] for law in laws)
+    assert two["torque_at_0g"]["value"] > split["torque_at_0g"]["value"]
+    page = (out / "index.html").read_text(encoding="utf-8")
+    assert f"Friction at several sites ({', '.join(laws)}) is not integrated by the other schemes" in page
+    assert "Longest usable step" not in page
+    assert "is larger by 1.1 dB, which these margins do not contain" in page
+    assert "handwheel held and constant sliding friction" in page
+
+
+@matplotlib.rc_context(style.STYLE)
+def test_a_legend_of_sites_stays_in_its_picture():
+    labels = ["lugre", "lugre@column_eps", "masing,efficiency=0.88@gear+coulomb,F_c=0.05@upper_column"]
+    figure = style.new_figure(4.8, 3.0)
+    axes = figure.subplots()
+    for label in labels:
+        axes.plot([0, 1], [0, 1], label=label)
+    style.legend(figure, axes)
+    figure.canvas.draw()
+    room, taken = figure.bbox, figure.legends[0].get_window_extent()
+    assert room.x0 <= taken.x0 < taken.x1 <= room.x1
+    assert words.law_name(labels[2]) == labels[2]
+    assert words.law_name("bouc_wen") == "bouc wen"
