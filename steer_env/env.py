@@ -34,6 +34,9 @@ class SteerEnv(PlainSpecification, gym.Env):
     vehicle : str, path or mapping, default "compact"
         A packaged car (``steer_env.vehicle.cars.available()``), a ``.toml`` or ``.json`` file, or a mapping with the
         contents of such a file, as in ``{"base": "compact", "chassis": {"rear_spring": 24e3}}``.
+    steering : {"column_eps", "rack_eps"}, optional
+        Kind of steering; the car's own by default. A packaged car that has another one is its packaged counterpart,
+        where there is one: "compact" with "rack_eps" is "compact_rack_eps".
     chassis : {"single_track", "two_track"}, optional
         "single_track" has constant speed and first-order roll; "two_track" a body with six degrees of freedom, wheels
         that travel and rotate, drivetrain and brakes. The task's own by default.

@@ -269,6 +269,7 @@ def _configurations(args: argparse.Namespace, hands: str) -> tuple[list[Any], li
     for other in args.others:
         mixed = argparse.Namespace(
             vehicle=other.vehicle or args.vehicle,
+            steering=args.steering,
             tyre=other.tyre or args.tyre,
             changes=[*(each for each in args.changes if each[0] not in dict(other.changes)), *other.changes],
         )

@@ -104,7 +104,7 @@ def _run_all(args: argparse.Namespace, out: Path) -> None:
     sweep = runner(args)
     options = {key: value for key, value in vars(args).items() if key not in ("function", "out", *SWEEP)}
     # The case is the car itself, not the file of it: other workers lack the file, and it may change before --resume.
-    options |= {"vehicle": car_options.load(args).data(), "tyre": None, "changes": []}
+    options |= {"vehicle": car_options.load(args).data(), "steering": None, "tyre": None, "changes": []}
     options["argv"] = unswept(args, "--out")  # a result does not depend on where it lies
     longest_first = sorted(manoeuvres.available(), key=lambda name: -manoeuvres.make(name).duration)
     with progress("driving") as notify:

@@ -183,7 +183,7 @@ def _of_site(site: str, given: Mapping[str, Any]) -> dict[str, float]:
         own = [*(("driving", "driven") if {"driving", "driven"} & given.keys() else ("efficiency",)), *own]
     found |= {key: _OF_SITE[key][-1] for key in own}
     if "efficiency" in own and site != "gear":
-        found["efficiency"] = defaults.GEAR_EFFICIENCY
+        found["efficiency"] = defaults.GEAR_EFFICIENCY[site]
     found = {key: given.get(key, value) for key, value in found.items()}
     return {key: value for key, value in found.items() if isinstance(value, float)}  # no lists
 

@@ -5,6 +5,7 @@ from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 from steer_env.friction.numerics import toml
+from steer_env.friction.numerics.registry import listed
 
 if TYPE_CHECKING:
     from steer_env.vehicle.cars import Car
@@ -14,6 +15,11 @@ def packaged() -> tuple[str, ...]:
     """Names of the packaged cars."""
     entries = files("steer_env.vehicle").joinpath("data", "cars").iterdir()
     return tuple(sorted(entry.name.removesuffix(".json") for entry in entries if entry.name.endswith(".json")))
+
+
+def steerings() -> tuple[str, ...]:
+    """Names of the kinds of steering."""
+    return ("column_eps", *listed("steer_env.vehicle.steering.kinds"))
 
 
 def setting(text: str) -> tuple[str, Any]:
@@ -33,7 +39,7 @@ def add(
     default: str | None = "compact",
     usual: str = "that of the environment or of the training",
 ) -> None:
-    """Add ``--vehicle``, ``--tyre`` and ``--set`` to a parser; :func:`load` makes the car of what they hold.
+    """Add ``--vehicle``, ``--steering``, ``--tyre`` and ``--set`` to a parser; :func:`load` makes the car of what they hold.
 
     ``usual`` says what is taken where there is no default.
     """
@@ -43,7 +49,9 @@ def add(
 
 
 def add_changes(parser: argparse.ArgumentParser) -> None:
-    """Add ``--tyre`` and ``--set`` to a parser that takes the car itself in another way."""
+    """Add ``--steering``, ``--tyre`` and ``--set`` to a parser that takes the car itself in another way."""
+    text = "kind of steering; with rack_eps, compact is compact_rack_eps (default: that of the car)"
+    parser.add_argument("--steering", choices=steerings(), help=text)
     text = "a tyre in place of the car's own: a file, or the name of a packaged tyre"
     parser.add_argument("--tyre", metavar="FILE.tir", help=text)
     text = "a key of the car in place of its own, SI units, e.g. column.K_tb=143; may be repeated"
@@ -53,7 +61,7 @@ def add_changes(parser: argparse.ArgumentParser) -> None:
 
 def given(args: argparse.Namespace) -> bool:
     """Whether any option of a car was given, in a command that has no default car."""
-    return args.vehicle is not None or args.tyre is not None or bool(args.changes)
+    return any(each is not None for each in (args.vehicle, args.steering, args.tyre)) or bool(args.changes)
 
 
 def load(args: argparse.Namespace) -> "Car":
@@ -66,4 +74,4 @@ def load(args: argparse.Namespace) -> "Car":
     if args.tyre is not None and "tyre" in names:
         raise ValueError("--tyre and --set tyre are both given: give one of them")
     changes = {**({} if args.tyre is None else {"tyre": args.tyre}), **dict(args.changes)}
-    return cars.load(args.vehicle or "compact", changes=changes)
+    return cars.load(args.vehicle or "compact", changes, args.steering)

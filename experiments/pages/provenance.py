@@ -206,6 +206,7 @@ def car(c: Car) -> dict[str, Any]:
         "assumed": list(c.given["assumed"]),
         "chassis": _with_units("chassis", c.chassis),
         "steering": _with_units("steering", c.steering),
+        **({c.kind: _with_units(c.kind, c.given[c.kind])} if c.kind in c.given else {}),
         "column": parameters(c.column),
         "assist": assist,
     }

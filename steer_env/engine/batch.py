@@ -96,6 +96,7 @@ class EnvironmentBatch:
         friction: Any = "lugre",
         speed: float | None = None,
         vehicle: str | Mapping[str, Any] = "compact",
+        steering: str | None = None,
         chassis: str | None = None,
         tyre: str | None = None,
         road: Road | Mapping[str, Any] | None = None,
@@ -123,7 +124,7 @@ class EnvironmentBatch:
             randomise = {"speed": task.speeds, **(randomise or {})}
         given = task.speed if speed is None else speed
         speed = number("speed [m/s]", given, minimum=limits[0], maximum=limits[1])
-        self.car = cars.load(vehicle)
+        self.car = cars.load(vehicle, steering=steering)
         if tyre is not None:
             self.car = self.car._replace(tyre=tyres.load(tyre))
         self.driver = drivers.resolve("preview" if driver is None else driver) if task.driver_in_loop else None

@@ -83,6 +83,9 @@ class TuneEnv(PlainSpecification, gym.Env):
     vehicle : str, path or mapping, default "compact"
         A packaged car (``steer_env.vehicle.cars.available()``), a ``.toml`` or ``.json`` file, or a mapping with the
         contents of such a file.
+    steering : {"column_eps", "rack_eps"}, optional
+        Kind of steering; the car's own by default. A packaged car that has another one is its packaged counterpart,
+        where there is one: "compact" with "rack_eps" is "compact_rack_eps".
     chassis : {"single_track", "two_track"}, default "single_track"
         Chassis of the tests; parking always uses "two_track".
     tyre : str, optional
@@ -132,6 +135,7 @@ class TuneEnv(PlainSpecification, gym.Env):
         friction: Any = "lugre",
         speed: float = SPEED,
         vehicle: str | Mapping[str, Any] = "compact",
+        steering: str | None = None,
         chassis: str = "single_track",
         tyre: str | None = None,
         targets: str = "compact",
@@ -153,7 +157,7 @@ class TuneEnv(PlainSpecification, gym.Env):
         self.chassis = chassis_models.checked(chassis)
         if parameters is not None:
             self.scenario = replace(self.scenario, parameters=_chosen(parameters))
-        self.car = cars.load(vehicle)
+        self.car = cars.load(vehicle, steering=steering)
         if tyre is not None:
             self.car = self.car._replace(tyre=tyres.load(tyre))
         self._limits = {name: LIMITS[name] for name in DRAWN}

@@ -13,6 +13,7 @@ from steer_env.vehicle.cars import contents
 from steer_env.vehicle.chassis.two_track import brakes, drivetrain, speed_hold
 from steer_env.vehicle.plant import Plant
 from steer_env.vehicle.steering import column, eps
+from steer_env.vehicle.steering.kinds import common as kinds
 from steer_env.vehicle.suspension.kinematics_table import KinematicsTable
 from steer_env.vehicle.suspension.macpherson import MacPherson
 
@@ -61,6 +62,11 @@ class Car(NamedTuple):
     strut: MacPherson
     kinematics_table: KinematicsTable  # of the strut
     given: Mapping[str, Any]  # contents of the data file with what it takes from its base, SI
+
+    @property
+    def kind(self) -> str:
+        """The kind of its steering: ``column_eps``, or the section of the car file that gives another one."""
+        return kinds.named(self.given)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return rebuilt, (Car, *self)

@@ -12,6 +12,7 @@ import numpy as np
 from steer_env.vehicle import tyre
 from steer_env.vehicle.cars.keys import CONSTRUCTORS, TEXTS
 from steer_env.vehicle.keys import declared_keys
+from steer_env.vehicle.steering.kinds import common as kinds
 from steer_env.vehicle.suspension.macpherson import MacPherson
 
 if TYPE_CHECKING:
@@ -28,6 +29,8 @@ _HEADINGS = {
     "strut": "a packaged strut, placed at the front track",
     "chassis": "Axle distances are those of the centre of gravity of the whole car. Springs and dampers act at the\n"
     "wheel, one for each wheel. Bump is positive.",
+    "rack_eps": "This section makes the steering a rack EPS: inertia and damping below the torsion bar and the limit of the\n"
+    "assist follow from it. Losses of the gear are friction, --friction lugre@rack_eps.",
     "column": "What the driver feels through: the handwheel, the torsion bar and what is below it.",
     "assist": "Torques are those at the column.",
     "drivetrain": "Only two tracks have a drivetrain, brakes and a speed hold.",
@@ -41,7 +44,7 @@ def data(car: "Car") -> dict[str, Any]:
     strut = MacPherson.load(given["strut"]).at_track(car.chassis["front_track"])
     if (strut.points, strut.loaded_radius) != (car.strut.points, car.strut.loaded_radius):
         raise ValueError(f"strut {BY_HAND}")
-    return {
+    found = {
         **{key: getattr(car, key) for key in TEXTS},
         "assumed": list(given["assumed"]),
         "tyre": tyre.data(car.tyre),
@@ -50,6 +53,17 @@ def data(car: "Car") -> dict[str, Any]:
         "steering": dict(car.steering),
         **{section: _keys(section, given[section], getattr(car, section)) for section in CONSTRUCTORS},
     }
+    return found if car.kind == kinds.COLUMN_EPS else _of_kind(found, car.kind, given[car.kind])
+
+
+def _of_kind(found: dict[str, Any], name: str, section: Mapping[str, float]) -> dict[str, Any]:
+    """The contents with the section of the kind of steering in place of the keys at the column that follow from it."""
+    for other, keys in kinds.KINDS[name].at_column(section, found["steering"]["pinion_radius"]).items():
+        for key, value in keys.items():
+            if found[other].pop(key) != value:
+                raise ValueError(f"{other}.{key} follows from the section {name} of the car, and {BY_HAND}")
+    place = list(found).index("column")
+    return dict([*list(found.items())[:place], (name, dict(section)), *list(found.items())[place:]])
 
 
 def _keys(section: str, given: Mapping[str, Any], made: Any) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from steer_env.vehicle.cars import contradictions, plausible
 from steer_env.vehicle.cars.car import Car
 from steer_env.vehicle.cars.keys import (
     CONSTRUCTORS,
+    OF_KINDS,
     SECTIONS,
     TABLES,
     TEXTS,
@@ -27,6 +28,9 @@ from steer_env.vehicle.cars.keys import (
     require,
     require_known,
 )
+from steer_env.vehicle.keys import declared_keys
+from steer_env.vehicle.steering.assist.by_speed import table
+from steer_env.vehicle.steering.kinds import common as kinds
 from steer_env.vehicle.suspension import kinematics_table
 from steer_env.vehicle.suspension.macpherson import MacPherson
 
@@ -54,10 +58,11 @@ def from_data(data: dict[str, Any]) -> Car:
 
 
 def _checked(data: dict[str, Any]) -> Car:
-    require("car", data, SECTIONS)
+    require("car", data, SECTIONS, OF_KINDS)
     _require_text(data)
     chassis = numbers("chassis", data["chassis"])
     steering = numbers("steering", data["steering"])
+    data = _at_column(data, steering["pinion_radius"])
     assumed = {*data, *chassis, *steering}
     for key in data["assumed"]:
         if key not in assumed:
@@ -77,6 +82,34 @@ def _checked(data: dict[str, Any]) -> Car:
     )
     contradictions.check(car)
     return car
+
+
+def _at_column(data: dict[str, Any], pinion_radius: float) -> dict[str, Any]:
+    """The contents of a file with the keys at the column that follow from its kind of steering, complete and checked.
+
+    A boost table in the units of the kind becomes that of the assist, which the tools of the assist then change.
+    """
+    name = kinds.named(data)
+    if name == kinds.COLUMN_EPS:
+        return data
+    kind, found = kinds.KINDS[name], dict(data)
+    require_known(name, data[name], (*declared_keys()[name],))
+    section = dict(data[name])
+    if "boost" in section:
+        if "boost" in data["assist"]:
+            raise ValueError(f"{name}.boost and assist.boost are both given: give one of them")
+        own = kind.boost(table(f"{name}.boost", section.pop("boost")), pinion_radius)
+        found["assist"] = {**data["assist"], "boost": own.tolist()}
+    found[name] = numbers(name, section)
+    for other, keys in kind.at_column(found[name], pinion_radius).items():
+        for key, value in keys.items():
+            if (given := found[other].get(key, value)) != value:
+                raise ValueError(
+                    f"{other}.{key} of a car with {name} follows from its section {name} and the pinion radius: leave "
+                    f"it out, or give {value!r}, got {given!r}"
+                )
+        found[other] = {**found[other], **keys}
+    return found
 
 
 def _tyre(given: Any) -> tyre.Tyre:
@@ -143,7 +176,11 @@ def available() -> tuple[str, ...]:
     return tuple(sorted(file.stem for file in DATA.glob("*.json")))
 
 
-def load(name: str | PathLike[str] | Mapping[str, Any] = "compact", changes: Mapping[str, Any] | None = None) -> Car:
+def load(
+    name: str | PathLike[str] | Mapping[str, Any] = "compact",
+    changes: Mapping[str, Any] | None = None,
+    steering: str | None = None,
+) -> Car:
     """A packaged car by name, or a car of your own from a ``.toml`` or ``.json`` file or a mapping with its contents.
 
     A file has the sections of the packaged ones (``vehicle/data/cars``), in SI units. With a key ``base`` it takes from
@@ -152,6 +189,9 @@ def load(name: str | PathLike[str] | Mapping[str, Any] = "compact", changes: Map
     one that is not packaged.
 
     ``changes`` set keys of the car that ``name`` gives: ``{"column.K_tb": 143.0, "tyre": "my.tir"}``.
+
+    ``steering`` asks for a kind of steering, ``column_eps`` or ``rack_eps``: a car that has it is itself, and a packaged
+    car that has another one is the packaged ``NAME_KIND``, as ``compact_rack_eps`` for ``compact``.
 
     Raises
     ------
@@ -173,7 +213,23 @@ def load(name: str | PathLike[str] | Mapping[str, Any] = "compact", changes: Map
         raise ValueError(f"vehicle must be a name, a path or a mapping as a car file, got a {type(name).__name__}")
     else:
         car = _from_file(Path(name)) if _is_file(name) else _packaged(fspath(name))
+    if steering is not None:
+        car = _with_steering(car, steering)
     return _changed(car, changes) if changes else car
+
+
+def _with_steering(car: Car, kind: str) -> Car:
+    """The car if it has this kind of steering, else its packaged counterpart; ValueError where there is none."""
+    if car.kind == one_of("steering", kind, kinds.available()):
+        return car
+    counterpart = f"{car.name}_{kind}"
+    if car.name not in available() or counterpart not in available() or _packaged(car.name) is not car:
+        there = ", ".join(name for name in available() if _packaged(name).kind == kind)
+        raise ValueError(
+            f"steering={kind!r}: {car.name} has {car.kind}, and no packaged car is its counterpart; give a car that has "
+            f"it ({there}), or a car file" + (f" with a section {kind}" if kind in OF_KINDS else "")
+        )
+    return _packaged(counterpart)
 
 
 def _changed(car: Car, changes: Mapping[str, Any]) -> Car:
@@ -183,10 +239,11 @@ def _changed(car: Car, changes: Mapping[str, Any]) -> Car:
         section, _, key = name.partition(".")
         if name in (*TEXTS, "assumed", "tyre", "strut"):
             data[name] = value
-        elif key and section in TABLES:
+        elif key and (section in TABLES or section in OF_KINDS and section == car.kind):
             data[section][key] = value
         else:
-            tables = ", ".join(f"{table}.KEY" for table in TABLES)
+            sections = (*TABLES, *(name for name in OF_KINDS if name == car.kind))
+            tables = ", ".join(f"{name}.KEY" for name in sections)
             raise ValueError(f"a car has no {name!r}; it has {tables}, {', '.join(TEXTS)}, assumed, tyre and strut")
     changed, usual_before = _checked(data), plausible.unusual(car)
     for text in plausible.unusual(changed):
@@ -207,7 +264,8 @@ def _packaged(name: str) -> Car:
 def _data(name: str) -> dict[str, Any]:
     if name not in available():
         raise ValueError(f"vehicle must be a .toml or .json file or one of {', '.join(available())}, got {name!r}")
-    return json.loads((DATA / f"{name}.json").read_text(encoding="utf-8"))
+    data = json.loads((DATA / f"{name}.json").read_text(encoding="utf-8"))
+    return _completed(data, name, DATA) if "base" in data else data
 
 
 def _from_file(path: Path) -> Car:
@@ -231,20 +289,38 @@ def _completed(given: Any, name: str, folder: Path) -> Any:
     """The contents of a file with what it takes from its base, there its usual name, and the place of its tyre file."""
     data = dict(given) if isinstance(given, Mapping) else given
     if isinstance(data, dict) and "base" not in data and not set(SECTIONS) <= set(data):
-        require_known("car", data, ("base", *SECTIONS))
+        require_known("car", data, ("base", *SECTIONS, *OF_KINDS))
         lacking = ", ".join(key for key in SECTIONS if key not in data)
         raise ValueError(f"car lacks {lacking}; give them, or a base: {', '.join(available())}")
     if isinstance(data, dict) and "base" in data:
         one_of("base", data["base"], available())
         base = _data(data.pop("base"))
-        require_known("car", data, ("base", *SECTIONS))
-        sections = {key: {**base[key], **data[key]} for key in TABLES if isinstance(data.get(key), dict)}
+        require_known("car", data, ("base", *SECTIONS, *OF_KINDS))
+        base = _of_kind(base, {key: value for key, value in data.items() if isinstance(value, dict)})
+        sections = {
+            key: {**base.get(key, {}), **data[key]} for key in (*TABLES, *OF_KINDS) if isinstance(data.get(key), dict)
+        }
         if data.keys() - set(TEXTS):  # numbers of its own, of which the source of the base says nothing
             base["source"] = f"not told of what the file gives itself; of the rest: {base['source']}"
         data = {**base, "name": name, **data, **sections}
     if isinstance(data, dict) and str(data.get("tyre", "")).endswith(".tir"):
         data["tyre"] = str(folder / data["tyre"])
     return data
+
+
+def _of_kind(base: dict[str, Any], data: dict[str, Any]) -> dict[str, Any]:
+    """The contents of a base without what follows from the kind of steering that a file gives itself."""
+    found = dict(base)
+    for name in [name for name in OF_KINDS if name in data]:
+        kind = kinds.KINDS[name]
+        for section, keys in kind.at_column(dict.fromkeys(declared_keys()[name], 1.0), 1.0).items():
+            found[section] = {key: value for key, value in found[section].items() if key not in keys}
+        if "boost" in data[name]:
+            found["assist"] = {key: value for key, value in found["assist"].items() if key != "boost"}
+        for other in OF_KINDS:
+            if other != name:
+                found.pop(other, None)
+    return found
 
 
 def _line(text: str, message: str) -> str:

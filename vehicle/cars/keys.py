@@ -6,6 +6,7 @@ from typing import Any
 from steer_env.vehicle.chassis.two_track import brakes, drivetrain, speed_hold
 from steer_env.vehicle.keys import checked, declared_keys
 from steer_env.vehicle.steering import column, eps
+from steer_env.vehicle.steering.kinds.common import KINDS
 
 # Sections whose keys are the keyword arguments of a constructor, which also checks them.
 CONSTRUCTORS: dict[str, Callable[..., Any]] = {
@@ -18,6 +19,7 @@ CONSTRUCTORS: dict[str, Callable[..., Any]] = {
 TEXTS = ("name", "description", "source")
 TABLES = ("chassis", "steering", *CONSTRUCTORS)
 SECTIONS = (*TEXTS, "assumed", "tyre", "strut", *TABLES)
+OF_KINDS = KINDS.available()  # sections of which a car has one at most
 
 
 def require_known(where: str, given: Any, allowed: Iterable[str]) -> None:
@@ -38,7 +40,7 @@ def require(where: str, given: Any, allowed: tuple[str, ...], optional: tuple[st
 
 
 def numbers(section: str, given: dict, required: bool = True) -> dict[str, float]:
-    """The numbers of ``chassis`` or ``steering`` with their defaults, checked; ValueError names section and key.
+    """The numbers of a section without a constructor, as ``chassis``, with their defaults, checked; ValueError names section and key.
 
     Without ``required`` keys may be missing that have no default.
     """

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from steer_env.vehicle import chassis as chassis_models
 from steer_env.vehicle import tyre
+from steer_env.vehicle.cars.keys import OF_KINDS
 from steer_env.vehicle.constants import GRAVITY
 from steer_env.vehicle.keys import JUDGEMENT, declared_keys
 from steer_env.vehicle.steering import stability
@@ -129,7 +130,7 @@ def _of(section: str, key: str) -> Quantity:
     """A number of a car file as it is; ``keys.toml`` declares what is usual."""
 
     def value(car: "Car") -> float:
-        values = getattr(car, section)
+        values = car.given[section] if section in OF_KINDS else getattr(car, section)
         return float(values[key] if isinstance(values, dict) else getattr(values, key))
 
     about = declared_keys()[section][key]
@@ -203,16 +204,17 @@ def _others() -> list[Quantity]:
     """The declared ranges of keys that have no place of their own above."""
     placed = {q.name for q in _PLACED}
     keys = [(section, name) for section, of in declared_keys().items() for name, key in of.items() if key.usual]
-    return [_of(*key) for key in keys if ".".join(key) not in placed]
+    return [_of(*key) for key in keys if ".".join(key) not in placed and key[0] not in OF_KINDS]
 
 
 USUAL = (*_PLACED, *_others())
+_OF_KIND = {name: [_of(name, key) for key, about in declared_keys()[name].items() if about.usual] for name in OF_KINDS}
 
 
 def unusual(car: "Car") -> list[str]:
     """A line for each quantity of the car outside its usual range: keys, name, value, range and its source."""
     found = []
-    for q in USUAL:
+    for q in (*USUAL, *_OF_KIND.get(car.kind, ())):
         value = q.value(car)
         if not q.low <= value <= q.high:
             unit, keys = "" if q.unit == "1" else f" {q.unit}", f"{q.keys}: " if q.keys else ""
