@@ -488,7 +488,7 @@ def make_sites(given: Mapping[str, Any]) -> Sites:
 def _split(given: Mapping[str, Any]) -> dict[str, Any]:
     """The mapping with the shares of a law at its sites in place of a steering that it names."""
     found = dict(given)
-    for steering in defaults.SHARES.keys() & given.keys():
+    for steering in [name for name in defaults.SHARES if name in given]:
         shares = defaults.SHARES[steering]
         if other := sorted(given.keys() & {ABOVE, *BELOW, *defaults.SHARES} - {steering}):
             raise ValueError(f"friction at {steering} is that of all its sites: leave it or {other[0]} out")
