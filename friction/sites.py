@@ -48,7 +48,7 @@ from steer_env.friction.numerics.kernel import dispatch, kernel
 
 NOTHING = {"law": "viscous", "sigma_2": 0.0}
 ABOVE, BELOW = "upper_column", ("lower_column", "gear", "rack", "motor")
-TEXT = "LAW[,key=value...]@SITE, several joined by +; @column_eps and @rack_eps are all sites of one"  # also in pages.options
+TEXT = "LAW[,key=value...]@SITE, several joined by +; @column_eps and @rack_eps are all of a kind"  # also in pages
 MOST_ROUNDS, WITH_SLOPE = 50, 8
 LEAST = 1e-6  # sliding torque that can grow, assumed [N m]
 CLOSE = 1e-15  # of the torque that an error of w1 adds to the second equation, over its terms [1]
@@ -459,12 +459,12 @@ def make_sites(given: Mapping[str, Any]) -> Sites:
     Parameters
     ----------
     given : mapping
-        Of names of sites; or of a steering alone, ``{"column_eps": law}`` or ``"rack_eps"``, whose sites take their shares of the law
-        from ``steer_env.friction.defaults.SHARES``, the gear with an efficiency. A value is a law in a form of
-        :func:`steer_env.friction.law.resolve`, which beside the law's own parameters may have keywords of
-        :func:`steer_env.friction.level.make` and, at the gear, ``efficiency``: one number for both directions, two for
-        driving and for being driven back, or a mapping of the arguments of :func:`steer_env.friction.gear.worm`; or, in
-        its place, ``driving`` and ``driven``, c_d and c_b of (F44).
+        Of names of sites; or of a steering alone, ``{"column_eps": law}`` or ``{"rack_eps": law}``, whose sites take
+        their shares of the law from ``steer_env.friction.defaults.SHARES``, the gear with an efficiency. A value is a
+        law in a form of :func:`steer_env.friction.law.resolve`, which beside the law's own parameters may have keywords
+        of :func:`steer_env.friction.level.make` and, at the gear, ``efficiency``: one number for both directions, two
+        for driving and for being driven back, or a mapping of the arguments of :func:`steer_env.friction.gear.worm`;
+        or, in its place, ``driving`` and ``driven``, c_d and c_b of (F44).
 
     Raises
     ------
@@ -495,7 +495,9 @@ def _split(given: Mapping[str, Any]) -> dict[str, Any]:
         try:
             law, keys = laws.parts(found.pop(steering))
             own = {key: keys.pop(key) for key in _OWN_KEYS & keys.keys()}
-            of_gear = {key: own.pop(key) for key in _OF_GEAR & own.keys()} or {"efficiency": defaults.GEAR_EFFICIENCY[steering]}
+            of_gear = {key: own.pop(key) for key in _OF_GEAR & own.keys()} or {
+                "efficiency": defaults.GEAR_EFFICIENCY[steering]
+            }
             p = laws.resolve({"law": law, **keys})
             found |= {site: {**laws.scaled(p, share), **own} for site, share in shares.items()}
         except ValueError as error:

@@ -39,7 +39,7 @@ def add(
     default: str | None = "compact",
     usual: str = "that of the environment or of the training",
 ) -> None:
-    """Add ``--vehicle``, ``--steering``, ``--tyre`` and ``--set`` to a parser; :func:`load` makes the car of what they hold.
+    """Add the options of a car to a parser; :func:`load` makes the car of what they hold.
 
     ``usual`` says what is taken where there is no default.
     """

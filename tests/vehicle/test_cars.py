@@ -85,7 +85,7 @@ def test_every_car_stands_on_its_wheels(name):
     assert 2.0 * (b.F_zf + b.F_zr) == pytest.approx(b.m * 9.80665, rel=1e-12)
     slope = -float(car.strut.solve(0.0, 0.0).per_travel.strut_length)
     assert b.S_f * slope + b.m_f * 9.80665 == pytest.approx(b.F_zf, rel=1e-12)
-    data = json.loads(files("steer_env.vehicle").joinpath("data", "cars", f"{name}.json").read_text(encoding="utf-8"))
+    data = car.data()
     assert set(data["assumed"]) <= {*data, *data["chassis"], *data["steering"]}
 
 

@@ -112,7 +112,9 @@ def test_a_base_gives_way_to_the_kind_of_the_file():
     assert cars.load({"base": "compact_rack_eps", "column": {"K_tb": 143.0}}).column.I2 == CAR.column.I2
 
 
-FOLLOWS = "of a car with rack_eps follows from its section rack_eps and the pinion radius: leave it out, or give 0.0485989"
+FOLLOWS = (
+    "of a car with rack_eps follows from its section rack_eps and the pinion radius: leave it out, or give 0.0485989"
+)
 
 
 @pytest.mark.parametrize(
@@ -132,7 +134,10 @@ FOLLOWS = "of a car with rack_eps follows from its section rack_eps and the pini
             {"base": "compact", "rack_eps": {"boost": [[0.0, 1.0]]}, "assist": {"boost": [[0.0, 1.0]]}},
             "rack_eps.boost and assist.boost are both given",
         ),
-        ({"base": "compact", "rack_eps": {"boost": [[0.0, 1.0], 2]}, "assist": TWO}, "rack_eps.boost must hold numbers"),
+        (
+            {"base": "compact", "rack_eps": {"boost": [[0.0, 1.0], 2]}, "assist": TWO},
+            "rack_eps.boost must hold numbers",
+        ),
     ],
 )
 def test_bad_car_files_are_refused(data, message):
@@ -144,7 +149,11 @@ def test_bad_car_files_are_refused(data, message):
     ("name", "steering", "message"),
     [
         ("compact", "belt", "steering must be one of column_eps, rack_eps, got 'belt'"),
-        ("ford_escort", "rack_eps", r"ford_escort has column_eps, .* give a car that has it \(compact_rack_eps\), or a "),
+        (
+            "ford_escort",
+            "rack_eps",
+            r"ford_escort has column_eps, .* give a car that has it \(compact_rack_eps\), or a ",
+        ),
         ("compact_rack_eps", "column_eps", "compact_rack_eps has rack_eps, and no packaged car is its counterpart"),
     ],
 )

@@ -29,8 +29,9 @@ _HEADINGS = {
     "strut": "a packaged strut, placed at the front track",
     "chassis": "Axle distances are those of the centre of gravity of the whole car. Springs and dampers act at the\n"
     "wheel, one for each wheel. Bump is positive.",
-    "rack_eps": "This section makes the steering a rack EPS: inertia and damping below the torsion bar and the limit of the\n"
-    "assist follow from it. Losses of the gear are friction, --friction lugre@rack_eps.",
+    "rack_eps": "This section makes the steering a rack EPS: inertia and damping below the torsion bar and the limit\n"
+    "of the assist follow from it. A boost here, in N at the rack, may replace that of the assist. Losses of the gear\n"
+    "are friction, --friction lugre@rack_eps.",
     "column": "What the driver feels through: the handwheel, the torsion bar and what is below it.",
     "assist": "Torques are those at the column.",
     "drivetrain": "Only two tracks have a drivetrain, brakes and a speed hold.",

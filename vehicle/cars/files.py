@@ -190,8 +190,8 @@ def load(
 
     ``changes`` set keys of the car that ``name`` gives: ``{"column.K_tb": 143.0, "tyre": "my.tir"}``.
 
-    ``steering`` asks for a kind of steering, ``column_eps`` or ``rack_eps``: a car that has it is itself, and a packaged
-    car that has another one is the packaged ``NAME_KIND``, as ``compact_rack_eps`` for ``compact``.
+    ``steering`` asks for a kind of steering, ``column_eps`` or ``rack_eps``: a car that has it is itself, and a
+    packaged car that has another one is the packaged ``NAME_KIND``, as ``compact_rack_eps`` for ``compact``.
 
     Raises
     ------
@@ -226,8 +226,8 @@ def _with_steering(car: Car, kind: str) -> Car:
     if car.name not in available() or counterpart not in available() or _packaged(car.name) is not car:
         there = ", ".join(name for name in available() if _packaged(name).kind == kind)
         raise ValueError(
-            f"steering={kind!r}: {car.name} has {car.kind}, and no packaged car is its counterpart; give a car that has "
-            f"it ({there}), or a car file" + (f" with a section {kind}" if kind in OF_KINDS else "")
+            f"steering={kind!r}: {car.name} has {car.kind}, and no packaged car is its counterpart; give a car that "
+            f"has it ({there}), or a car file" + (f" with a section {kind}" if kind in OF_KINDS else "")
         )
     return _packaged(counterpart)
 
@@ -239,7 +239,7 @@ def _changed(car: Car, changes: Mapping[str, Any]) -> Car:
         section, _, key = name.partition(".")
         if name in (*TEXTS, "assumed", "tyre", "strut"):
             data[name] = value
-        elif key and (section in TABLES or section in OF_KINDS and section == car.kind):
+        elif key and (section in TABLES or (section in OF_KINDS and section == car.kind)):
             data[section][key] = value
         else:
             sections = (*TABLES, *(name for name in OF_KINDS if name == car.kind))

@@ -40,7 +40,7 @@ def require(where: str, given: Any, allowed: tuple[str, ...], optional: tuple[st
 
 
 def numbers(section: str, given: dict, required: bool = True) -> dict[str, float]:
-    """The numbers of a section without a constructor, as ``chassis``, with their defaults, checked; ValueError names section and key.
+    """The numbers of a section without constructor, with their defaults, checked; ValueError names section and key.
 
     Without ``required`` keys may be missing that have no default.
     """

@@ -5,15 +5,15 @@
     limit = r_p n T_max,   boost = r_p boost at the rack              (C12)  at the column axis
 
 with the belt ratio i, the lead l, the pinion radius r_p, inertia J_p of what turns with the pinion, mass m_r of the
-rack, mass m_w of the wheels about their king-pins seen at the rack, inertia J_m of the motor, damping d at the rack and the motor's
-peak torque T_max. Forces and torques are those before the losses of the gear, which are friction: at the site ``gear``
-of :mod:`steer_env.friction.sites`, whose efficiency makes it grow with the motor's torque, so that no loss counts
-twice.
+rack, mass m_w of the wheels about their king-pins seen at the rack, inertia J_m of the motor, damping d at the rack and
+the motor's peak torque T_max. Forces and torques are those before the losses of the gear, which are friction: at the
+site ``gear`` of :mod:`steer_env.friction.sites`, whose efficiency makes it grow with the motor's torque, so that no
+loss counts twice.
 
 The defaults are assumed within published ranges of rack EPS: screw leads of 5 to 10 mm, belt ratios of 2 to 3.5,
-largest rack forces of 8 to 14 kN. The motor's inertia is the 1e-4 kg m2 of the column EPS here and a nut with its pulley
-of 3e-4 kg m2 over the square of the belt ratio; wheels, rack and damping are those of its column on the pinion of the
-compact (0.007 kg m2, 3 kg, 0.6 N m s/rad), the pinion has its shaft's 0.003 kg m2.
+largest rack forces of 8 to 14 kN. The motor's inertia is the 1e-4 kg m2 of the column EPS here and a nut with its
+pulley of 3e-4 kg m2 over the square of the belt ratio; wheels, rack and damping are those of its column on the pinion
+of the compact (0.007 kg m2, 3 kg, 0.6 N m s/rad), the pinion has its shaft's 0.003 kg m2.
 """
 
 import math
