@@ -25,6 +25,7 @@ from steer_env.vehicle.keys import checked, declared_keys
 from steer_env.vehicle.plant import Plant
 from steer_env.vehicle.steering import column, eps
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
+from steer_env.vehicle.steering.kinds import common as kinds
 
 KPH = 1.0 / 3.6  # [m/s]
 Values = Mapping[str, float]
@@ -249,7 +250,11 @@ def _of_assist(car: Car) -> list[Parameter]:
 
 def _of_car(car: Car) -> list[Parameter]:
     found = []
+    follows = kinds.follows(car.kind)  # and could not be in the car file of the page, nor the radius that changes them
+    follows |= {"steering.pinion_radius"} if follows else set()
     for name, label in _PLAIN.items():
+        if name in follows:
+            continue
         section, key = name.split(".")
         about = declared_keys()[section][key]
         group = "Tyres" if section == "chassis" else "Steering"

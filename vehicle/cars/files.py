@@ -312,11 +312,9 @@ def _of_kind(base: dict[str, Any], data: dict[str, Any]) -> dict[str, Any]:
     """The contents of a base without what follows from the kind of steering that a file gives itself."""
     found = dict(base)
     for name in [name for name in OF_KINDS if name in data]:
-        kind = kinds.KINDS[name]
-        for section, keys in kind.at_column(dict.fromkeys(declared_keys()[name], 1.0), 1.0).items():
-            found[section] = {key: value for key, value in found[section].items() if key not in keys}
-        if "boost" in data[name]:
-            found["assist"] = {key: value for key, value in found["assist"].items() if key != "boost"}
+        replaced = kinds.follows(name) | ({"assist.boost"} if "boost" in data[name] else set())
+        for section in {each.partition(".")[0] for each in replaced}:
+            found[section] = {key: value for key, value in found[section].items() if f"{section}.{key}" not in replaced}
         for other in OF_KINDS:
             if other != name:
                 found.pop(other, None)

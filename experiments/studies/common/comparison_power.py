@@ -22,6 +22,7 @@ from steer_env.metrics import RefusedError
 from steer_env.recording.recording import Recording
 from steer_env.vehicle import cars
 from steer_env.vehicle.cars import Car
+from steer_env.vehicle.steering.kinds import common as kinds
 
 FACTORS = (1.1, 1.2, 1.35, 1.5, 2.0, 3.0)  # by which a parameter is multiplied and divided, assumed [1]
 _BELOW = tuple(1.0 / factor for factor in FACTORS)
@@ -62,6 +63,9 @@ def _level(car: Car, law: Any, factor: float) -> tuple[Car, Any]:
 
 def _key(name: str, car: Car, law: Any, factor: float) -> tuple[Car, Any]:
     section, _, key = name.partition(".")
+    if name in kinds.follows(car.kind):  # no key of its file
+        made = getattr(car, section)
+        return car._replace(**{section: made._replace(**{key: factor * getattr(made, key)})}), law
     own = car.data()[section].get(key, 1.0)
     changed = [factor * value for value in own] if isinstance(own, list) else factor * own
     return cars.load(car.data(), changes={name: changed}), law

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 from numpy.typing import NDArray
 
 from steer_env.friction.numerics.registry import Registry
+from steer_env.vehicle.keys import declared_keys
 
 COLUMN_EPS = "column_eps"  # of a car file without a section of a kind: its sections column and assist are complete
 
@@ -29,6 +30,14 @@ KINDS: Registry[Kind] = Registry("steering", "steer_env.vehicle.steering.kinds")
 def available() -> tuple[str, ...]:
     """Names of the kinds of steering, that of cars without a section of a kind first."""
     return COLUMN_EPS, *KINDS.available()
+
+
+def follows(name: str) -> set[str]:
+    """The keys of a car file, as ``column.I2``, that follow from the section of a kind of steering."""
+    if name == COLUMN_EPS:
+        return set()
+    found = KINDS[name].at_column(dict.fromkeys(declared_keys()[name], 1.0), 1.0)
+    return {f"{section}.{key}" for section, keys in found.items() for key in keys}
 
 
 def named(sections: Iterable[str]) -> str:
