@@ -288,7 +288,7 @@ run.run(steps=10**6)
 def test_a_killed_run_stays_consistent(tmp_path):
     """Killed before renames of different files, and resumed after each kill."""
     out = tmp_path / "run"
-    for renames in (9, 10, 11, 12, 14, 17):
+    for renames in (9, 12, 17):
         assert subprocess.run([sys.executable, "-c", KILLED, str(out), str(renames)], check=False).returncode == 9
         with (out / "learning.csv").open(encoding="utf-8") as file:
             rows = list(csv.DictReader(file))
