@@ -158,28 +158,6 @@ linear: Metrics of the linear car at 80 km/h, driven by our manoeuvres at 1 kHz,
   step-steer, lateral_acceleration: peak time                  2.0e-03  <= 0.01  pass
   step-steer, lateral_acceleration: settling time              1.5e-03  <= 0.01  pass
 
-time: Environment steps relative to CartPole-v1, 1 ms of plant relative to LuGre's step alone, and the first step.
-  steer_env/AssistAllRound-v2, over CartPole-v1             2.4 x   <= 3 x     pass
-  steer_env/AssistLaneChange-v2, over CartPole-v1           1.8 x   <= 2 x     pass
-  steer_env/AssistLaneKeeping-v2, over CartPole-v1          1.8 x   <= 2 x     pass
-  steer_env/AssistParking-v2, over CartPole-v1              2.2 x   <= 3 x     pass
-  steer_env/AssistRelease-v3, over CartPole-v1              1.6 x   <= 2 x     pass
-  steer_env/AssistWeave-v2, over CartPole-v1                1.6 x   <= 1.85 x  pass
-  steer_env/DriverDoubleLaneChange-v2, over CartPole-v1     1.7 x   <= 2 x     pass
-  steer_env/DriverLaneKeeping-v2, over CartPole-v1          1.7 x   <= 2 x     pass
-  steer_env/DriverObstacleAvoidance-v2, over CartPole-v1    2.3 x   <= 3 x     pass
-  steer_env/DriverOnCentre-v2, over CartPole-v1             1.6 x   <= 2 x     pass
-  steer_env/DriverParking-v2, over CartPole-v1              2.2 x   <= 3 x     pass
-  steer_env/DriverWindingRoad-v2, over CartPole-v1          1.7 x   <= 2 x     pass
-  steer_env/AssistWeave-v2 without infos, over CartPole-v1  1.1 x   <= 1.2 x   pass
-  1 ms on single_track, over LuGre alone                    2.3 x   <= 6 x     pass
-  1 ms on single_track                                      283 ns  <= 700 ns  pass
-  1 ms on two_track, over LuGre alone                       3.4 x   <= 10 x    pass
-  1 ms on two_track                                         413 ns  <= 700 ns  pass
-  first step, compiled                                      5.8 s   <= 10 s    pass
-  first step, from the cache                                1.1 s   <= 2 s     pass
-  first step on two tracks, compiled                        8.5 s   no limit
-
 policies: Shipped policies on held-out episodes beside classical controllers on the same terms, and their stability.
   double lane changes without a cone                                  93.0%               >= 95%    FAIL
   double lane changes without a cone, a person's delay and muscles    88.5%               no limit  pass
@@ -217,21 +195,6 @@ PINNED = {text.partition(":")[0]: text for text in (__doc__ or "").strip().split
 def masked(text):
     """The limits hold the errors: below those, rounding differs between processors."""
     return re.sub(r"\d\.\de[+-]\d\d", "<error>", text)
-
-
-def masked_times(text):
-    """Times depend on the machine and on what else runs there, and so do their verdicts."""
-    text = re.sub(r" +[\d.]+ (s|ns)  +(<= [\d.]+ \1|no limit).*", r"  <time>  \2", text)
-    return re.sub(r" +[\d.]+ x  +(<= [\d.]+ x) +\w+", r"  <ratio>  \1", text)
-
-
-@pytest.mark.whole
-@pytest.mark.skipif(not COMPILED, reason="nothing is compiled")
-def test_times_are_printed():
-    """They are reported, not tested."""
-    found = requirements.table("time")
-    print(found)
-    assert sorted(masked_times(found).splitlines()) == sorted(masked_times(PINNED["time"]).splitlines())
 
 
 @pytest.mark.whole
