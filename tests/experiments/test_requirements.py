@@ -1,5 +1,7 @@
-"""Every requirement is kept but those on times, policies and tuning; the tables as ``python -m tests.maintain verify`` prints them are pinned here.
-The values of tyre and strut stand in ``tests.vehicle.oracles``.
+"""Every requirement is kept but those on times, policies and tuning.
+
+Tables of ``python -m tests.maintain verify``, which are pinned here, follow; tyre and strut stand in
+``tests.vehicle.oracles``.
 
 friction: Friction laws against their closed forms.
   LuGre at constant speed from rest                           1.7e-14  <= 1e-12 of the largest torque    pass
@@ -168,7 +170,7 @@ from tests.maintain.__main__ import run as maintain
 from tests.verification import feel
 from tests.verification.common import rows
 
-PINNED = {text.partition(":")[0]: text for text in (__doc__ or "").strip().split("\n\n")[1:]}
+PINNED = {text.partition(":")[0]: text for text in (__doc__ or "").strip().split("\n\n")[2:]}
 
 
 def masked(text):
