@@ -19,11 +19,10 @@ test: types
 types: .venv-test/.stamp
 	.venv-test/bin/python -m mypy
 
-# The other tests, then the property tests once more with a random seed, which is printed.
+# The other tests, and all property tests with a random seed, which is printed.
 test-whole: .venv-test/.stamp
-	$(PYTEST) -m whole
 	@echo "property tests with --hypothesis-seed=$(SEED)"
-	$(PYTEST) -m hypothesis --hypothesis-profile=random --hypothesis-seed=$(SEED)
+	$(PYTEST) -m "whole or hypothesis" --hypothesis-profile=random --hypothesis-seed=$(SEED)
 
 # The whole suite.
 test-all: test test-whole

@@ -12,6 +12,9 @@ import numpy as np
 from steer_env.friction.numerics.check import constructed, not_negative, number, numbers
 
 
+LEAST = 0.01  # efficiency; below, a gear is taken to lock itself, assumed [1]
+
+
 class Efficiency(NamedTuple):
     """Of a gear between motor and column, each output over input in settled motion [1]."""
 
@@ -56,19 +59,19 @@ def efficiency(given: Any) -> Efficiency:
     Raises
     ------
     ValueError
-        Another form, a value that is not above 0 or is above 1, or as of :func:`worm`.
+        Another form, a value below ``LEAST`` or above 1, or as of :func:`worm`.
     """
     if isinstance(given, Mapping):
         return constructed("the worm gear", worm, given)
     if isinstance(given, bool | str):
         raise ValueError(f"efficiency must be a number, two or a mapping, got {given!r}")
     if not isinstance(given, Sequence | np.ndarray):
-        both = number("efficiency", given, minimum=0.0, maximum=1.0, above=True)
+        both = number("efficiency", given, minimum=LEAST, maximum=1.0)
         return Efficiency(both, both)
     values = numbers("efficiency", given)
-    if values.size not in (1, 2) or not np.all((values > 0.0) & (values <= 1.0)):
+    if values.size not in (1, 2) or not np.all((values >= LEAST) & (values <= 1.0)):
         raise ValueError(
-            "efficiency must be one number for both directions or two, driving and driven back, each above 0 (a gear "
-            f"that cannot be driven back locks itself) and at most 1, got {given!r}"
+            f"efficiency must be one number for both directions or two, driving and driven back, each at least {LEAST} "
+            f"(a gear that cannot be driven back locks itself) and at most 1, got {given!r}"
         )
     return Efficiency(float(values[0]), float(values[-1]))

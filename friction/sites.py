@@ -533,7 +533,9 @@ def _growth(efficiency: gear.Efficiency, p: Any) -> tuple[float, float]:
     """c_d and c_b of (F44): a motor torque of 1 N m adds 1 - eta_d where it drives, 1/eta_b - 1 where it is driven."""
     F, lost = sliding_torque(p), (1.0 - efficiency.driving, 1.0 / efficiency.driven - 1.0)
     if any(lost) and not F > LEAST:
-        raise ValueError(f"friction law {law_of(p).name!r} has no sliding torque that could grow with the load")
+        raise ValueError(
+            f"friction law {law_of(p).name!r} has no sliding torque that could grow with the load: give efficiency=1"
+        )
     return lost[0] / max(F, LEAST), lost[1] / max(F, LEAST)
 
 

@@ -4,7 +4,7 @@ The contracts of ``steer_env.testing`` hold every law to the same in every run; 
 because each law and chassis is compiled by itself. Tests over several dimensions run over pairs, not over products.
 """
 
-from itertools import combinations
+from itertools import combinations, cycle
 
 import pytest
 
@@ -29,7 +29,9 @@ def pairs(rows):
 FEW = ("coulomb", "dahl", "lugre", "masing", "viscous")
 OTHERS = tuple(law for law in friction.available() if law not in FEW)
 EACH_LAW = [*FEW, *(pytest.param(law, marks=pytest.mark.whole) for law in OTHERS)]
-EACH_PAIR = [
-    *((one, other) for one in FEW for other in FEW),
-    *(pytest.param(*pair, marks=pytest.mark.whole) for law in OTHERS for pair in (("lugre", law), (law, "lugre"))),
-]
+
+
+def in_turn(*others):
+    """Every law once, each beside the next value of every other dimension."""
+    rows = zip((*FEW, *OTHERS), *map(cycle, others))
+    return [pytest.param(*row, marks=[] if row[0] in FEW else pytest.mark.whole) for row in rows]

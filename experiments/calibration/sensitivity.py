@@ -13,6 +13,7 @@ from steer_env.experiments.calibration import problem, screening
 from steer_env.experiments.calibration.problem import Range
 from steer_env.experiments.calibration.screening import Design, Effect
 from steer_env.experiments.sweep import Runner, run
+from steer_env.friction import gear
 from steer_env.friction.law import LAWS
 from steer_env.friction.numerics.check import number
 from steer_env.friction.sites import Sites, with_defaults
@@ -153,7 +154,8 @@ def _factor(car: Car, law: Any, name: str, ends: tuple[float, float] | None, spa
             given, key = _of_friction(law, name)
             unit = LAWS[given["law"]].units.get(key, "SI")
         by = FACTOR_OF_LAW if name.startswith(FRICTION) else FACTOR
-        usual, limits = (own / by, own * by), (-math.inf, math.inf)
+        limits = (gear.LEAST, 1.0) if name.endswith(".efficiency") else (-math.inf, math.inf)
+        usual = max(own / by, limits[0]), min(own * by, limits[1])
         if ends is None and own <= 0.0:
             raise ValueError(f"{name} is {own:g}: give its range, --parameters {name}=LOW:HIGH")
     low, high = ends or usual

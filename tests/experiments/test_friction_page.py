@@ -291,8 +291,8 @@ def test_a_law_is_drawn_with_the_offset_that_was_fitted_with_it(results):
 
 
 @pytest.mark.whole
-def test_the_quick_study_is_written_and_made_again(tmp_path, capsys, monkeypatch):
-    """The page, its numbers and its pictures, of four laws; all but the times are the same to the bit again."""
+def test_the_quick_study_is_written(tmp_path, capsys, monkeypatch):
+    """The page, its numbers and its pictures, of four laws; the studies below are made again too."""
     monkeypatch.setattr(friction, "available", lambda: ("coulomb", "dahl", "lugre", "masing"))
     out = tmp_path / "friction"
     assert main(["study", "friction", "--quick", "--workers", "1", "--out", str(out)]) == 0
@@ -303,8 +303,6 @@ def test_the_quick_study_is_written_and_made_again(tmp_path, capsys, monkeypatch
     assert all(name in data["record"]["laws"] for name in ("lugre", "masing", "dahl"))
     assert data["record"]["laws"]["masing"]["error"] < 0.5 * data["record"]["laws"]["dahl"]["error"]
     assert text.count("<h2") == text.count('class="claim"') + 2  # what we do not know, and what made it
-    assert main(["rerun", str(out / "friction.json")]) == 0
-    assert "equal to the bit" in capsys.readouterr().out
 
 
 @pytest.mark.whole

@@ -3,19 +3,16 @@
 import argparse
 import functools
 import importlib
-import json
 import os
 import pickle
 import sys
 
 import pytest
 
-from steer_env import friction
 from steer_env.experiments import sweep
 from steer_env.experiments.cli import study
 from steer_env.experiments.cli.main import main, parser
 from steer_env.experiments.pages import own_modules
-from steer_env.experiments.studies.common import friction_cases, friction_results
 from steer_env.experiments.sweep import processes
 from steer_env.friction import law as laws
 from tests.experiments import sweep_cases
@@ -90,8 +87,8 @@ COMMANDS = {
     "scores": ["scores", "--env", ASSIST, "--episodes", "2", *IMPORT],
     "tune-baselines": ["tune-baselines", "--env", ASSIST, "--budget", "1", "--episodes", "1", *IMPORT],
 }  # fmt: skip
-# With cases of the law, two of them without being told.
-DRIVEN = ("study friction", "study held-torque", *(command for command, words in COMMANDS.items() if NAME in words))
+# One command for each kind of case: a recording, an environment, and laws that nobody names. Each compiles the law.
+DRIVEN = ("run", "policy evaluate", "study friction")
 DRIVING_FIRST = ("tune", "study coupling")  # before their sweeps, with the law, which is compiled each time
 OF_MAINTAINERS = ("audit", "scores", "tune-baselines")
 
@@ -167,9 +164,9 @@ def test_workers_import_the_law_before_they_work(command, written, monkeypatch, 
 
 
 @pytest.mark.whole
-@pytest.mark.parametrize("command", [command for command in COMMANDS if command not in DRIVEN])
+@pytest.mark.parametrize("command", ["audit", "study loop-width"])
 def test_workers_know_the_law_before_they_work(command, written, monkeypatch, asked):
-    """The same in processes; the commands that have cases with the law drive them in the next test."""
+    """The same in processes."""
     written()
 
     def kept(_, cases, *, notify=None, words=None, store=None, **given):
@@ -212,21 +209,6 @@ class Counted:
     def __call__(self, *arguments):
         self.calls += 1
         return self.function(*arguments)
-
-
-@pytest.mark.whole
-def test_the_friction_study_with_a_law_of_two_states(written, tmp_path, monkeypatch):
-    """From the command to its page, whose trace imports the law; three laws and one test, as each takes its time."""
-    written()
-    monkeypatch.setattr(friction_results, "QUICK", friction_results.QUICK._replace(tests=("weave",)))
-    monkeypatch.setattr("steer_env.experiments.studies.friction.QUICK", friction_results.QUICK)
-    monkeypatch.setattr(friction, "available", lambda: ("lugre", "masing", NAME))
-    assert run(["study", "friction", "--quick", *IMPORT]) in (0, None)
-    found = json.loads((tmp_path / "friction" / "friction.json").read_text())
-    changed = [row for row in found["effects"] if (row["factor"], row["level"]) == (friction_cases.LAW, NAME)]
-    assert any(row["real"] for row in changed)
-    assert found["trace"]["command"][:4] == ["study", "friction", *IMPORT]
-    assert [each["module"] for each in found["trace"]["inputs"]] == [MODULE]
 
 
 def test_a_law_that_is_imported_by_a_script_reaches_workers(written, tmp_path):

@@ -55,6 +55,19 @@ def source(made):
     return report.provenance_of(made[1])
 
 
+def without_pictures(results, source):
+    """The text of the page."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(report, "_pictures", lambda _: dict.fromkeys(FIGURES, "<svg/>"))
+        return report.page_of(results, source).html()
+
+
+@pytest.fixture(scope="module")
+def before(made, source):
+    """The text of the page of what was made, as if every difference were sure."""
+    return without_pictures(sure(made[1]), source)
+
+
 class Page(HTMLParser):
     """Tags with their attributes, and the text."""
 
@@ -447,9 +460,8 @@ def bare(test):
         ),
     ],
 )
-def test_a_claim_changes_with_its_number(made, source, monkeypatch, change, gone, instead):
-    monkeypatch.setattr(report, "_pictures", lambda _: dict.fromkeys(FIGURES, "<svg/>"))
-    before, after = (report.page_of(results, source).html() for results in (sure(made[1]), change(sure(made[1]))))
+def test_a_claim_changes_with_its_number(made, source, before, change, gone, instead):
+    after = without_pictures(change(sure(made[1])), source)
     assert gone in before
     assert gone not in after
     assert instead in after

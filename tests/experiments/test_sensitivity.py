@@ -142,6 +142,11 @@ def test_a_parameter_of_a_site_is_varied_as_if_it_were_given(car):
         sensitivity.factors_of(car, friction.resolve(given), ("load", "friction.rack.F_c"))
 
 
+def test_an_efficiency_varies_up_to_one(car):
+    (factor, _) = sensitivity.factors_of(car, "lugre@column_eps", ("friction.column_eps.efficiency", "load"))
+    assert (factor.low, factor.own, factor.high) == (0.44, 0.88, 1.0)
+
+
 @pytest.mark.parametrize(
     ("given", "key", "own"),
     [

@@ -466,35 +466,3 @@ def test_a_command_that_is_interrupted_says_how_to_go_on(tmp_path, monkeypatch, 
     assert end("") == 0
     assert cases.marks(tmp_path / "marks", "done") == list(range(10))
     assert not list((tmp_path / "cache" / "steer_env" / "sweeps").iterdir())
-
-
-def contents(folder):
-    """Files of ``run all``; the JSON files without the date."""
-    lines = {file.name: file.read_bytes().split(b"\n") for file in sorted(folder.iterdir())}
-    return {name: [line for line in each if b'"date"' not in line] for name, each in lines.items()}
-
-
-@pytest.mark.whole
-@posix
-def test_the_whole_battery_on_a_cluster_killed_and_resumed(tmp_path):
-    """Files of every manoeuvre, to the bit as processes write them."""
-    environment = os.environ | {"PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(tmp_path / "cache")}
-    environment["NUMBA_CACHE_DIR"] = os.environ.get("NUMBA_CACHE_DIR") or str(work_cache())
-    command = [sys.executable, "-m", "steer_env.experiments.cli.main", "run", "all", "--out"]
-    quiet = {"env": environment, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    with subprocess.Popen([*command, tmp_path / "cluster", "--cluster", "local:2"], **quiet) as client:
-        while len(list((tmp_path / "cache").rglob(f"*{store.SUFFIX}"))) < 3:
-            assert client.poll() is None
-            time.sleep(0.05)
-        client.kill()
-    assert not list((tmp_path / "cluster").iterdir())
-    subprocess.run([*command, tmp_path / "cluster", "--cluster", "local:2", "--resume"], check=True, **quiet)
-    subprocess.run([*command, tmp_path / "processes", "--workers", "2"], check=True, **quiet)
-    assert contents(tmp_path / "cluster") == contents(tmp_path / "processes")
-
-
-def work_cache():
-    """Folder of the machine code that other tests have compiled."""
-    from steer_env.friction.numerics import cache
-
-    return cache.parent().parent

@@ -54,8 +54,8 @@ def test_truth_behind_all_faults_of_a_measurement(case):
 
 @pytest.mark.whole
 @pytest.mark.parametrize("case", LOOPS)
-def test_truth_behind_all_faults_in_200_trials(case):
-    found = behind_all_faults(case, 200)
+def test_truth_behind_all_faults_in_60_trials(case):
+    found = behind_all_faults(case, 60)
     assert {name: entry.kept for name, entry in found.items() if entry.kept < 0.9} == {}
     assert all(entry.refused == 0.0 for entry in found.values())
 

@@ -288,7 +288,7 @@ run.run(steps=10**6)
 def test_a_killed_run_stays_consistent(tmp_path):
     """Killed before renames of different files, and resumed after each kill."""
     out = tmp_path / "run"
-    for renames in (9, 10, 11, 12, 14, 17):
+    for renames in (9, 12, 17):
         assert subprocess.run([sys.executable, "-c", KILLED, str(out), str(renames)], check=False).returncode == 9
         with (out / "learning.csv").open(encoding="utf-8") as file:
             rows = list(csv.DictReader(file))
@@ -548,9 +548,9 @@ def test_speeds_of_scenarios_are_not_replaced(tmp_path, capsys):
 
 
 @pytest.mark.whole
-def test_shift_over_everything(trained, tmp_path):
-    chosen = {over: shift.changes(over, WEAVE, LUGRE, [Friction("coulomb")])[:2] for over in SHIFTS}
-    found = shift.collect(trained / "policy.zip", {over: each for over, each in chosen.items() if each}, 3)
+def test_a_shift_changes_the_reward(trained, tmp_path):
+    chosen = {over: shift.changes(over, WEAVE, LUGRE, [Friction("coulomb")])[:1] for over in ("law", "noise")}
+    found = shift.collect(trained / "policy.zip", chosen, 2)
     assert found.home.lost.value == 0.0
     assert found.cells["law"]["coulomb"].lost.value != 0.0
     assert found.cells["noise"]["0"].lost.value != 0.0  # the training draws noise

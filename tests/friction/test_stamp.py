@@ -301,7 +301,6 @@ def test_an_edited_metric_recompiles_nothing_and_an_edited_kernel_changes_the_re
     assert run(STEPS, EVERYTHING) == [first, "0"]
     seen = {first}
     for file, old, new in (
-        ("friction/models/lugre.py", "    X = p.sigma_0 * abs(w) * h / G", "    X = 1.5 * p.sigma_0 * abs(w) * h / G"),
         ("friction/law.py", "    return w, R - S * w", "    return 1.01 * w, R - S * w"),
         ("vehicle/steering/eps.py", "    return (impulse + ", "    return 0.9 * (impulse + "),
     ):

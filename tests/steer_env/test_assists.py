@@ -17,7 +17,7 @@ from steer_env.tasks.assist_parking import WANTED
 from steer_env.tasks.assist_release import RELEASE_TIME
 from steer_env.tasks.common.reference_feel import reference_torque
 from steer_env.vehicle import cars
-from tests.by_law import EACH_LAW, EACH_PAIR, pairs
+from tests.by_law import EACH_LAW, FEW, OTHERS, in_turn, pairs
 
 CAR = cars.load()
 NAMES = assists.available()
@@ -143,8 +143,10 @@ def let_go(plant, name, **options):
     return np.array(speed)
 
 
-@pytest.mark.parametrize("share", [0.4, 0.7])
-@pytest.mark.parametrize(("plant", "observer"), EACH_PAIR)
+@pytest.mark.parametrize(
+    ("plant", "observer", "share"),
+    [*in_turn((*FEW, *OTHERS), [0.4, 0.7]), *in_turn((*FEW[1:], *OTHERS, FEW[0]), [0.7, 0.4])],
+)
 def test_friction_compensation_comes_to_rest(plant, observer, share):
     """No limit cycle, held or let go, whatever friction the car has and the observer believes in."""
     speed = let_go(plant, "friction_compensation", law=observer, share=share)

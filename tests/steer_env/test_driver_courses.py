@@ -1,5 +1,7 @@
 """Driver models on courses: cones on every car, longer control intervals, known loads, and the torque they give."""
 
+from itertools import product
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -11,8 +13,10 @@ from steer_env.engine import infos
 from steer_env.registration import id_of
 from steer_env.vehicle import cars, plant
 from steer_env.vehicle.analysis import linear
+from tests.by_law import pairs
 
 KPH = 1.0 / 3.6
+DRIVERS, CHASSIS, CONTROL_DT = ("preview", "robot", "macadam"), ("two_track", "single_track"), (0.01, 0.05)
 LANE_CHANGE, SWERVE = "steer_env/DriverDoubleLaneChange-v2", "steer_env/DriverObstacleAvoidance-v2"
 
 
@@ -34,16 +38,15 @@ def cones(*args, **kwargs):
     return [metrics["cones_hit"] for metrics in driven(*args, **kwargs)]
 
 
-@pytest.mark.parametrize("control_dt", [0.01, 0.05])
-@pytest.mark.parametrize("chassis", ["two_track", "single_track"])
+SWERVES = pairs(product(DRIVERS, CHASSIS, CONTROL_DT))
+
+
 @pytest.mark.parametrize(
-    ("driver", "kph"),
+    ("driver", "chassis", "control_dt", "kph"),
     [
-        ("preview", 54.0),
-        pytest.param("preview", 30.0, marks=pytest.mark.whole),
-        pytest.param("preview", 50.0, marks=pytest.mark.whole),
-        pytest.param("robot", 50.0, marks=pytest.mark.whole),
-        pytest.param("macadam", 50.0, marks=pytest.mark.whole),
+        *(("preview", *each, 54.0) for each in product(CHASSIS, CONTROL_DT)),
+        *(pytest.param(*each, 50.0, marks=pytest.mark.whole) for each in SWERVES),
+        pytest.param("preview", "two_track", 0.01, 30.0, marks=pytest.mark.whole),
     ],
 )
 def test_the_obstacle_is_avoided_without_a_cone(driver, kph, chassis, control_dt):
@@ -51,14 +54,16 @@ def test_the_obstacle_is_avoided_without_a_cone(driver, kph, chassis, control_dt
     assert not any(cones(SWERVE, driver, n=16, speed=kph * KPH, chassis=chassis, control_dt=control_dt))
 
 
-@pytest.mark.parametrize("control_dt", [0.01, 0.05])
-@pytest.mark.parametrize("chassis", ["two_track", "single_track"])
 @pytest.mark.parametrize(
-    "car", [pytest.param(car, marks=[pytest.mark.whole] * (car != "bmw_320i")) for car in cars.available()]
+    ("car", "chassis", "control_dt"),
+    [
+        pytest.param(*each, marks=[] if each[0] == "bmw_320i" else pytest.mark.whole)
+        for each in pairs(product(cars.available(), CHASSIS, CONTROL_DT))
+    ],
 )
 def test_every_car_is_taken_through_the_double_lane_change(car, chassis, control_dt):
     """ISO 3888-1 at 80 km/h, with one effort and one preview time for all cars."""
-    for driver in ("preview", "robot", "macadam"):
+    for driver in DRIVERS:
         kwargs = {"vehicle": car, "chassis": chassis, "control_dt": control_dt}
         assert not any(cones(LANE_CHANGE, driver, n=12, **kwargs)), driver
 

@@ -28,7 +28,7 @@ from steer_env.registration import id_of
 from steer_env.tasks.common.path_following import PATH_OBSERVATIONS
 from steer_env.vehicle import cars
 from steer_env.vehicle.analysis import linear
-from tests.by_law import EACH_LAW
+from tests.by_law import FEW
 
 CAR = cars.load("compact")
 SPEED = 22.0  # [m/s]
@@ -63,7 +63,7 @@ def test_all_are_there():
     assert len(PATH_OBSERVATIONS) == 2 + len(PREVIEW_TIMES)
 
 
-@pytest.mark.parametrize("law", EACH_LAW)
+@pytest.mark.parametrize("law", FEW)
 def test_preview_takes_the_default_car_through_the_double_lane_change(law):
     """ISO 3888-1 at 80 km/h without a cone, arms between driver and handwheel, whatever the friction."""
     env = gym.make("steer_env/DriverDoubleLaneChange-v2", friction=law)

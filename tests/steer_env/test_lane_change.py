@@ -183,7 +183,7 @@ def test_double_lane_change_at_80_without_a_cone_on_a_single_track(law):
 
 
 @pytest.mark.whole
-@pytest.mark.parametrize("law", EACH_LAW)
+@pytest.mark.parametrize("law", ["coulomb", "lugre", "masing"])
 def test_double_lane_change_at_80_without_a_cone_on_two_tracks(law):
     test = replace(manoeuvres.make("double-lane-change"), chassis="two_track")
     values = metrics.evaluate(manoeuvres.drive(CAR, test, law))

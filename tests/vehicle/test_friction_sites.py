@@ -1,7 +1,6 @@
 """Where friction sits, in the column with assist and in the whole car: closed forms, statics and published signs."""
 
 import math
-from itertools import cycle
 
 import gymnasium as gym
 import numpy as np
@@ -82,35 +81,23 @@ def test_the_gain_of_the_motor_follows_the_efficiency_of_a_sliding_gear(side, fa
 
 
 WEAVE, ROWS = id_of("AssistWeave"), 5
-# Every law above the bar and every law at places below it, in turn with the chassis; the first two in every run.
-LAWS = ("coulomb", "masing", *(law for law in friction.available() if law not in ("coulomb", "masing")))
+# Every law at some site, five at once, the first from above the bar down; and one of two sites in every run.
+LAWS = [law for law in friction.available() if law != "viscous"]
 PLACED = [
-    pytest.param(above, below, place, chassis, marks=[] if i < 2 else pytest.mark.whole)
-    for i, (above, below, place, chassis) in enumerate(
-        zip(LAWS, (*LAWS[3:], *LAWS[:3]), cycle(sites.BELOW), cycle(("two_track", "single_track")))
-    )
+    ({"upper_column": "coulomb", "lower_column": "masing"}, "two_track"),
+    pytest.param(dict(zip((sites.ABOVE, *sites.BELOW), LAWS[:5])), "single_track", marks=pytest.mark.whole),
+    pytest.param(dict(zip((sites.ABOVE, *sites.BELOW), LAWS[5:])), "single_track", marks=pytest.mark.whole),
 ]
 
 
-def drawn_parameter(law, low, high):
-    """The range of a parameter of a law that is its sliding torque, or the damping of one without."""
-    return ("sigma_2", (0.1 * low, 0.1 * high)) if law == "viscous" else ("F_c", (low, high))
-
-
-@pytest.mark.parametrize(("above", "below", "place", "chassis"), PLACED)
-def test_every_row_of_a_vector_is_the_single_environment(above, below, place, chassis):
-    """To the bit, with a worm gear beside the sites and with everything drawn; a copied state goes on alike."""
-    laws = {"upper_column": above, place: below}
-    if place != "gear":
-        laws["gear"] = "coulomb,F_c=0.3,efficiency=0.88"
-    keys = {
-        site: drawn_parameter(laws[site], *ends) for site, ends in (("upper_column", (0.05, 0.2)), (place, (0.5, 1)))
-    }
+@pytest.mark.parametrize(("laws", "chassis"), PLACED)
+def test_every_row_of_a_vector_is_the_single_environment(laws, chassis):
+    """To the bit, with a worm gear among the sites and with everything drawn; a copied state goes on alike."""
     arguments = {
-        "friction": laws,
+        "friction": {**laws, "gear": f"{laws.get('gear', 'coulomb')},F_c=0.3,efficiency=0.88"},
         "chassis": chassis,
         "randomise": {
-            "friction": {f"{site}.{key}": ends for site, (key, ends) in keys.items()},
+            "friction": {"upper_column.F_c": (0.05, 0.2), "lower_column.F_c": (0.5, 1)},
             "friction_level": (0.5, 1.5),
             "friction_asymmetry": (-0.2, 0.2),
             "load": (0, 300),

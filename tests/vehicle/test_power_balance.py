@@ -4,7 +4,7 @@ From what a user records at 1 ms, within 0.5 % of the net work of hand and motor
 """
 
 from functools import lru_cache
-from itertools import product
+from itertools import cycle, product
 
 import numpy as np
 import pytest
@@ -42,12 +42,17 @@ def hands(name):
 
 
 QUICK = pairs(product(RUNS, FEW, ("robot", "arms"), available()))
-EVERY = pairs(product(RUNS, friction.available(), ("robot", "torque", "arms"), available()))
+EVERY = [
+    (name, law, steered, chassis)
+    for law, steered, (name, chassis) in zip(
+        friction.available(), cycle(("torque", "robot", "arms")), cycle(product(RUNS, available()))
+    )
+]
 
 
 @pytest.mark.parametrize(
     ("name", "law", "steered", "chassis"),
-    [*QUICK, *(pytest.param(*row, marks=pytest.mark.whole) for row in EVERY if row not in QUICK)],
+    [*QUICK, *(pytest.param(*row, marks=pytest.mark.whole) for row in EVERY)],
 )
 def test_steering_power(name, law, steered, chassis):
     p = CAR.plant(law, RUNS[name], robot=steered == "robot", chassis=chassis)

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from itertools import cycle
 from pathlib import Path
 
 import numpy as np
@@ -47,11 +48,9 @@ DEEDS = {
     "fork 32": (SLOW, "did not return from {}"),
 }
 OFTEN = [("step", "exit 0"), ("load", "segfault"), ("terminate", "exit 0"), ("step", "loop")]
-CASES = [
-    pytest.param(place, deed, marks=() if (place, deed) in OFTEN else pytest.mark.whole)
-    for place in PLACES
-    for deed in DEEDS
-]
+# Where it ends and how are told apart from each other: every end in a step and at one more place, one end everywhere.
+EACH = [*(("step", deed) for deed in DEEDS), *((place, "exit 0") for place in PLACES), *zip(cycle(PLACES), DEEDS)]
+CASES = [*OFTEN, *(pytest.param(*case, marks=pytest.mark.whole) for case in dict.fromkeys(EACH) if case not in OFTEN)]
 
 
 @pytest.fixture(scope="module")

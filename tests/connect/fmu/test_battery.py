@@ -4,7 +4,7 @@ import ctypes
 import dataclasses
 import shutil
 import subprocess
-from itertools import product
+from itertools import cycle, product
 
 import numpy as np
 import pytest
@@ -15,7 +15,6 @@ from steer_env.friction.numerics import packing
 from steer_env.manoeuvres.common import driving
 from steer_env.vehicle import cars, plant
 from steer_env.vehicle.subsystems import car
-from tests.by_law import pairs
 from tests.connect.fmu.runs import bits
 
 if shutil.which("cc") is None:
@@ -90,17 +89,20 @@ def calls_of(m, law, monkeypatch):
     return calls
 
 
+MOST = 20_000  # samples of a call; a steady circle has 170,000
+# Every manoeuvre once, with the kinds of car in turn; some need two tracks.
+KINDS = cycle(product(("single_track", "two_track"), ("lugre", "masing")))
 RUNS = [
-    (name, chassis, law)
-    for name, chassis, law in product(manoeuvres.available(), ("single_track", "two_track"), ("lugre", "masing"))
-    if chassis == "two_track" or manoeuvres.make(name).chassis == chassis
+    (name, "two_track" if manoeuvres.make(name).chassis == "two_track" else chassis, law)
+    for name, (chassis, law) in zip(manoeuvres.available(), KINDS)
 ]
 
 
-@pytest.mark.parametrize(("name", "chassis", "law"), pairs(RUNS))
+@pytest.mark.parametrize(("name", "chassis", "law"), RUNS)
 def test_every_manoeuvre(name, chassis, law, tmp_path_factory, monkeypatch):
     m = manoeuvres.make(name)
     calls = calls_of(dataclasses.replace(m, chassis=chassis), law, monkeypatch)
     assert sum(len(u) for _, _, u, _ in calls) > 1000
     for p, state, u, record in calls:
+        u, record = u[:MOST], record[:MOST]
         assert np.array_equal(bits(replayed(p, state, u, tmp_path_factory.getbasetemp())), bits(record))

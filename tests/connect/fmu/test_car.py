@@ -77,7 +77,7 @@ CHASSIS = ("single_track", "two_track")
 CARS = {*zip(friction.available(), CHASSIS * len(friction.available())), *product(("lugre", "masing"), CHASSIS)}
 # A worm gear with friction above the bar.
 WORM = "masing,efficiency=0.88@gear"
-SITES = {*product((f"{WORM}+coulomb,F_c=0.1@upper_column", f"{WORM}+lugre,F_c=0.1@upper_column"), CHASSIS)}
+SITES = {*zip((f"{WORM}+lugre,F_c=0.1@upper_column", f"{WORM}+coulomb,F_c=0.1@upper_column"), CHASSIS)}
 
 
 @pytest.mark.whole
