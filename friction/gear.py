@@ -11,7 +11,6 @@ import numpy as np
 
 from steer_env.friction.numerics.check import constructed, not_negative, number, numbers
 
-
 LEAST = 0.01  # efficiency; below, a gear is taken to lock itself, assumed [1]
 
 
