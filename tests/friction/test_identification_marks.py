@@ -15,7 +15,7 @@ pytestmark = pytest.mark.whole
 
 SEEDS, FEW = 15, 6  # docs/friction_measurement.md gives what 100 records say, 93 % and more
 SLOW = {"gms", "bouc_wen"}  # 0.4 and 0.7 s for a record, of which there are few
-COVERED = 0.8  # least share of these intervals that hold the truth; 99.5 % of draws of 15 exceed it where 95 % do [1]
+COVERED = 0.8  # least share of intervals that hold the truth: 99.5 % of samples of 15 have it where 95 % of all do [1]
 F_C = 1.3  # [N m]
 TRUE = {
     "coulomb": friction.make("coulomb", F_c=F_C),
