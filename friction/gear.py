@@ -11,8 +11,7 @@ import numpy as np
 
 from steer_env.friction.numerics.check import constructed, not_negative, number, numbers
 
-
-LEAST = 0.01  # efficiency; below, a gear is taken to lock itself, assumed [1]
+LEAST_EFFICIENCY = 0.01  # below, a gear is taken to lock itself; assumed [1]
 
 
 class Efficiency(NamedTuple):
@@ -38,13 +37,14 @@ def worm(lead_angle: float, friction_coefficient: float, pressure_angle: float =
     ------
     ValueError
         A lead angle outside 0.01 to 1.5 or a pressure angle outside 0 to 1, a coefficient below 0, or a gear that
-        locks itself, with the coefficient at which it begins to.
+        locks itself, with the coefficient at which an efficiency falls below ``LEAST_EFFICIENCY``.
     """
     g = number("lead_angle [rad]", lead_angle, minimum=0.01, maximum=1.5)
     a = number("pressure_angle [rad]", pressure_angle, minimum=0.0, maximum=1.0)
     mu = not_negative("friction_coefficient", friction_coefficient)
     n, tangent = math.cos(a), math.tan(g)
-    locks = n * min(tangent, 1.0 / tangent)  # driven back, and of a steep lead driving
+    flat, steep = min(tangent, 1.0 / tangent), max(tangent, 1.0 / tangent)  # driven back, of a steep lead driving
+    locks = n * (1.0 - LEAST_EFFICIENCY) / (steep + LEAST_EFFICIENCY * flat)  # (F45)
     if mu >= locks:
         raise ValueError(
             f"the gear locks itself: friction_coefficient must be less than {locks:.4g} at a lead angle of {g:g} rad, "
@@ -59,19 +59,19 @@ def efficiency(given: Any) -> Efficiency:
     Raises
     ------
     ValueError
-        Another form, a value below ``LEAST`` or above 1, or as of :func:`worm`.
+        Another form, a value below ``LEAST_EFFICIENCY`` or above 1, or as of :func:`worm`.
     """
     if isinstance(given, Mapping):
         return constructed("the worm gear", worm, given)
     if isinstance(given, bool | str):
         raise ValueError(f"efficiency must be a number, two or a mapping, got {given!r}")
     if not isinstance(given, Sequence | np.ndarray):
-        both = number("efficiency", given, minimum=LEAST, maximum=1.0)
+        both = number("efficiency", given, minimum=LEAST_EFFICIENCY, maximum=1.0)
         return Efficiency(both, both)
     values = numbers("efficiency", given)
-    if values.size not in (1, 2) or not np.all((values >= LEAST) & (values <= 1.0)):
+    if values.size not in (1, 2) or not np.all((values >= LEAST_EFFICIENCY) & (values <= 1.0)):
         raise ValueError(
-            f"efficiency must be one number for both directions or two, driving and driven back, each at least {LEAST} "
-            f"(a gear that cannot be driven back locks itself) and at most 1, got {given!r}"
+            "efficiency must be one number for both directions or two, driving and driven back, each at least "
+            f"{LEAST_EFFICIENCY} (a gear that cannot be driven back locks itself) and at most 1, got {given!r}"
         )
     return Efficiency(float(values[0]), float(values[-1]))

@@ -154,7 +154,7 @@ def _factor(car: Car, law: Any, name: str, ends: tuple[float, float] | None, spa
             given, key = _of_friction(law, name)
             unit = LAWS[given["law"]].units.get(key, "SI")
         by = FACTOR_OF_LAW if name.startswith(FRICTION) else FACTOR
-        limits = (gear.LEAST, 1.0) if name.endswith(".efficiency") else (-math.inf, math.inf)
+        limits = (gear.LEAST_EFFICIENCY, 1.0) if name.endswith(".efficiency") else (-math.inf, math.inf)
         usual = max(own / by, limits[0]), min(own * by, limits[1])
         if ends is None and own <= 0.0:
             raise ValueError(f"{name} is {own:g}: give its range, --parameters {name}=LOW:HIGH")

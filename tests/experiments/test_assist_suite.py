@@ -73,12 +73,8 @@ def test_the_shipped_baselines_hold(name):
 
 
 @pytest.mark.whole
-@pytest.mark.parametrize(
-    ("name", "env_id"),
-    [("lqg", "steer_env/AssistAllRound-v2"), ("integral", "steer_env/AssistParking-v2")],
-)
-def test_the_shipped_baselines_hold_everywhere(name, env_id):
-    found = assist_suite.examine(partial(assists.make, name), env_id)
+def test_a_shipped_baseline_holds_everywhere():
+    found = assist_suite.examine(partial(assists.make, "integral"), "steer_env/AssistParking-v2")
     assert [one for one in found if not one.holds] == []
     assert sum(one.beyond + one.excused for one in found) <= 0.01 * sum(one.rows for one in found)
 

@@ -292,7 +292,7 @@ def test_a_law_is_drawn_with_the_offset_that_was_fitted_with_it(results):
 
 @pytest.mark.whole
 def test_the_quick_study_is_written(tmp_path, capsys, monkeypatch):
-    """The page, its numbers and its pictures, of four laws; the studies below are made again too."""
+    """The page, its numbers and its pictures, of four laws."""
     monkeypatch.setattr(friction, "available", lambda: ("coulomb", "dahl", "lugre", "masing"))
     out = tmp_path / "friction"
     assert main(["study", "friction", "--quick", "--workers", "1", "--out", str(out)]) == 0

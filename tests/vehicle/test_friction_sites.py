@@ -81,7 +81,7 @@ def test_the_gain_of_the_motor_follows_the_efficiency_of_a_sliding_gear(side, fa
 
 
 WEAVE, ROWS = id_of("AssistWeave"), 5
-# Every law at some site, five at once, the first from above the bar down; and one of two sites in every run.
+# Two sites in every run; in the whole suite every law at one of five sites, which run together.
 LAWS = [law for law in friction.available() if law != "viscous"]
 PLACED = [
     ({"upper_column": "coulomb", "lower_column": "masing"}, "two_track"),

@@ -18,13 +18,13 @@ DRIVER, ASSIST = id_of("DriverDoubleLaneChange"), id_of("AssistWeave")
 ALL_ROUND = id_of("AssistAllRound")
 
 
-def rows(cases: int = CASES) -> Iterator[Row]:
+def rows() -> Iterator[Row]:
     """Shipped policies on held-out episodes beside classical controllers on the same terms, and their stability."""
-    yield from _double_lane_change(cases)
+    yield from _double_lane_change()
     for name in friction.available():
         if name == policy.about(policy.shipped(ASSIST))["friction"]:
             continue
-        feeling = _shipped(ASSIST, "boost", cases, friction=name)
+        feeling = _shipped(ASSIST, "boost", friction=name)
         less = -feeling.gaps["boost"]["rms_feel_error"].high / feeling.values["boost"]["rms_feel_error"].value
         yield Row(
             f"feel error on {name} below the boost table's",
@@ -32,7 +32,7 @@ def rows(cases: int = CASES) -> Iterator[Row]:
             f">= {BETTER:.0%}",
             verdict(less >= BETTER),
         )
-    gap = _shipped(ASSIST, "lqg", cases).gaps["lqg"]["rms_feel_error"]
+    gap = _shipped(ASSIST, "lqg").gaps["lqg"]["rms_feel_error"]
     yield Row("feel error less LQG's", f"{gap.low:.3f} to {gap.high:.3f} N m", "no limit", "pass")
     for env_id in (ASSIST, ALL_ROUND):
         found = assist_suite.examine(policy.load(policy.shipped(env_id)), env_id)
@@ -45,13 +45,13 @@ def rows(cases: int = CASES) -> Iterator[Row]:
     )
 
 
-def _double_lane_change(cases: int) -> Iterator[Row]:
+def _double_lane_change() -> Iterator[Row]:
     """The driver with its delay and lag drawn, and with those of a person beside a model that brings them itself."""
     path = policy.shipped(DRIVER)
     person = shift.person(tasks.task("DriverDoubleLaneChange"))
 
     def found(make: Maker, options: Mapping[str, float] | None = None) -> held_out.Episodes:
-        return held_out.collect(DRIVER, make, cases, options=options, **policy.conditions(policy.about(path)))
+        return held_out.collect(DRIVER, make, CASES, options=options, **policy.conditions(policy.about(path)))
 
     def clean(episodes: held_out.Episodes) -> float:
         return held_out.summary(episodes)["clean_share"].value
@@ -68,7 +68,7 @@ def _double_lane_change(cases: int) -> Iterator[Row]:
     )
 
 
-def _shipped(env_id: str, baseline: str, cases: int, **more: Any) -> policy_report.Evaluation:
+def _shipped(env_id: str, baseline: str, **more: Any) -> policy_report.Evaluation:
     path = policy.shipped(env_id)
     controllers = {"policy": policy.load(path), baseline: baselines(env_id)[baseline]}
-    return policy_report.evaluate(env_id, controllers, cases, **policy.conditions(policy.about(path)), **more)
+    return policy_report.evaluate(env_id, controllers, CASES, **policy.conditions(policy.about(path)), **more)

@@ -21,26 +21,26 @@ BUDGET = 60  # sets of each search; the default sampler must be ahead of random 
 SAMPLERS = ("surface", "random")
 
 
-def rows(seeds: int = SEEDS, budget: int = BUDGET) -> Iterator[Row]:
+def rows() -> Iterator[Row]:
     """Distance from the bands of the best set, the sum over objectives [band widths], median and range of the seeds."""
     sweep = partial(run, where=Where.parse())
     posed = problem.make(cars.load(CAR), targets.load(CAR))
     shares = tuning.moved(posed, sweep)
     cases = [
-        tuning.job_of(posed, shares, Path(), budget, sampler=name, seed=i) for name in SAMPLERS for i in range(seeds)
+        tuning.job_of(posed, shares, Path(), BUDGET, sampler=name, seed=i) for name in SAMPLERS for i in range(SEEDS)
     ]
     found = sweep(_course, cases)
-    courses = dict(zip(SAMPLERS, (found[:seeds], found[seeds:])))
+    courses = dict(zip(SAMPLERS, (found[:SEEDS], found[SEEDS:])))
     aim = statistics.median(course[-1] for course in courses["random"])
     for name, each in courses.items():
-        for sets in (budget // 2, budget):
+        for sets in (BUDGET // 2, BUDGET):
             distances = [course[sets - 1] for course in each]
             middle = statistics.median(distances)
-            judged = name == "surface" and sets < budget
+            judged = name == "surface" and sets < BUDGET
             yield Row(
-                f"{name}, {sets} sets, {seeds} seeds",
+                f"{name}, {sets} sets, {SEEDS} seeds",
                 f"{middle:.2f} ({min(distances):.2f} to {max(distances):.2f})",
-                f"< {aim:.2f}, of random after {budget}" if judged else "no limit",
+                f"< {aim:.2f}, of random after {BUDGET}" if judged else "no limit",
                 verdict(middle < aim or not judged),
             )
 

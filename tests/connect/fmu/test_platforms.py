@@ -104,13 +104,12 @@ def apart(one, other):
     return worst.max()
 
 
-@pytest.mark.parametrize("chassis", ["single_track", "two_track"])
-def test_arm_computes_what_x86_computes(chassis, tmp_path):
+def test_arm_computes_what_x86_computes(tmp_path):
     """Ten seconds under an emulator, where there is one; otherwise the library is only made."""
     zig = [sys.executable, "-m", "ziglang", "cc", "-target", PLATFORMS["aarch64"].zig]
     found = {}
     for platform, compiler, emulator in (("linux64", ["cc"], []), ("aarch64", zig, [QEMU, "-L", ARM])):
-        path = fmu.export(tmp_path / f"{platform}.fmu", platforms=[platform, "source"], chassis=chassis)
+        path = fmu.export(tmp_path / f"{platform}.fmu", platforms=[platform, "source"], chassis="two_track")
         assert validation.validate_fmu(str(path)) == []
         fmpy.extract(str(path), str(tmp_path / platform))
         description = fmpy.read_model_description(str(path))

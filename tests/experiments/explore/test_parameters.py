@@ -51,7 +51,7 @@ def test_a_car_with_functions_that_change_with_the_speed_is_itself():
 @pytest.mark.parametrize("law", ["masing,efficiency=0.88@gear", "lugre@column_eps"])
 def test_an_efficiency_is_that_of_a_gear_that_does_not_lock_itself(law):
     (q,) = (q for q in parameters.every(cars.load("compact"), law, "single_track") if q.name.endswith(".efficiency"))
-    assert (q.least, q.most, q.above) == (gear.LEAST, 1.0, False)
+    assert (q.least, q.most, q.above) == (gear.LEAST_EFFICIENCY, 1.0, False)
     for value in (0.9 * q.least, 1.01):
         with pytest.raises(ValueError, match=r"efficiency must be finite and at least 0\.01 and at most 1"):
             friction.varied(law, {q.name.removeprefix("friction."): value})
