@@ -11,7 +11,7 @@ from steer_env.friction.law import law_of
 from steer_env.friction.numerics.kernel import kernel, plain
 from steer_env.vehicle import chassis
 from steer_env.vehicle.chassis.common.interface import INPUTS, Names
-from steer_env.vehicle.steering import column, eps
+from steer_env.vehicle.steering import column, eps, motor
 from steer_env.vehicle.steering.assist import functions
 
 # What the multi-step rules keep between the steps.
@@ -45,6 +45,7 @@ class Layout(NamedTuple):
     rate_before: int
     outputs: int
     outputs_before: int
+    motor: int  # its limits
     functions: int  # of the assist
     memory: int  # of the friction law, to the end of the array
 
@@ -57,8 +58,8 @@ _CHASSIS = _LAST + len(INPUTS)
 
 
 @kernel
-def _arrange(n, m, k):
-    """The layout for ``n`` states and ``m`` outputs of the chassis and ``k`` states of the assist's functions."""
+def _arrange(n, m, j, k):
+    """The layout for ``n`` states and ``m`` outputs of the chassis, ``j`` of the motor and ``k`` of the functions."""
     rate, outputs = _CHASSIS + n, _CHASSIS + 3 * n
     return Layout(
         column=0,
@@ -74,21 +75,24 @@ def _arrange(n, m, k):
         rate_before=rate + n,
         outputs=outputs,
         outputs_before=outputs + m,
-        functions=outputs + 2 * m,
-        memory=outputs + 2 * m + k,
+        motor=outputs + 2 * m,
+        functions=outputs + 2 * m + j,
+        memory=outputs + 2 * m + j + k,
     )
 
 
 @kernel
 def layout(p):
     """The layout of a plant, in kernels; compiled code knows its numbers as constants."""
-    return _arrange(chassis.state_size(p.chassis), chassis.output_size(p.chassis), functions.size(p.assist.functions))
+    n, m, a = chassis.state_size(p.chassis), chassis.output_size(p.chassis), p.assist
+    return _arrange(n, m, motor.size(a.motor), functions.size(a.functions))
 
 
 def layout_of(p: Any) -> Layout:
     """The layout of a plant, in Python."""
     kind = chassis.chassis_of(p.chassis)
-    return plain(_arrange)(len(kind.states), len(kind.outputs), len(functions.states(p.assist.functions)))
+    n, m, a = len(kind.states), len(kind.outputs), p.assist
+    return plain(_arrange)(n, m, len(motor.states(a.motor)), len(functions.states(a.functions)))
 
 
 def size_of(p: Any) -> int:
@@ -110,6 +114,7 @@ def states(p: Any) -> Names:
         *((f"{name}_derivative_before", f"{unit}/s") for name, unit in kind.states),
         *kind.outputs,
         *((f"{name}_before", unit) for name, unit in kind.outputs),
+        *motor.states(p.assist.motor),
         *functions.states(p.assist.functions),
         *((f"friction_memory_{i}", "") for i in range(law_of(p.friction).memory_size(p.friction))),
     )

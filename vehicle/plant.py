@@ -156,7 +156,8 @@ def sample(p, state, speed, request):
 def steer(p, state, hand, hand_speed, before, after, elapsed, force, h):
     """Advance column and motor by one step ``h`` under a mean rack force ``force`` [N]."""
     at = layout(p)
-    motor = eps.motor_step(p.assist, state[at.assist : at.steps], before, after, elapsed, h)
+    x, heat, speed = state[at.assist : at.steps], state[at.motor : at.functions], state[column.COLUMN_SPEED]
+    motor = eps.motor_step(p.assist, x, heat, before, after, elapsed, speed, h)
     T_C = motor - p.pinion_radius * force  # (P2)
     position = state[column.COLUMN_ANGLE] + 0.5 * h * state[column.COLUMN_SPEED]  # in the middle of the step
     state[at.hand_torque + 1] = state[at.hand_torque]
@@ -187,7 +188,7 @@ def roll(p, state, s, u, h):
         state[at.rate : at.rate_before],
         state[at.rate_before : at.outputs],
         state[at.outputs : at.outputs_before],
-        state[at.outputs_before : at.functions],
+        state[at.outputs_before : at.motor],
         s,
         h,
         u,
@@ -234,7 +235,7 @@ def report_chassis(p, state, u, row):
         p.chassis,
         state[at.chassis : at.rate],
         state[at.outputs : at.outputs_before],
-        state[at.outputs_before : at.functions],
+        state[at.outputs_before : at.motor],
         s,
         u,
         row[1:],

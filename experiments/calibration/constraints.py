@@ -28,12 +28,13 @@ from steer_env.vehicle.chassis.common.interface import INPUTS
 from steer_env.vehicle.steering import stability
 from steer_env.vehicle.steering.assist.functions import Functions
 from steer_env.vehicle.steering.column import COLUMN_ANGLE, HANDWHEEL_ANGLE
-from steer_env.vehicle.steering.eps import Assist, boost_curve
+from steer_env.vehicle.steering.eps import Assist, available, boost_curve
 from steer_env.vehicle.steering.margins import FREQUENCIES, TARGETS, read, worst_margins
 
 KPH = 3.6  # [km/h] of 1 m/s
 SPEEDS = (11.0, 20.0, 40.0, 100.0, 140.0)  # of the loop of the whole car [km/h]
 RESTING_UP_TO = 60.0  # above it friction at rest never has the smallest margin [km/h]
+KEEPS_UP = 2.0 * math.pi  # column speed up to which the motor gives the whole boost, assumed [rad/s]
 FREE_SPEEDS = (60.0, 140.0)  # of the free car [km/h]
 PHASE, GAIN = TARGETS  # [deg], [dB]
 KINDS = {
@@ -107,8 +108,8 @@ def margins(
     dict
         By speed V [km/h]: ``phase_V`` [deg] and ``gain_V`` [dB]; ``column_phase_V`` and ``column_gain_V``, those of the
         column with fixed hands; ``free_damping_V``, the least damping ratio of the free car [1]; ``free_pulse_V``, 1
-        where its motion after a pulse decays. ``motor_limit``, the greatest boost over the limit of the motor [1].
-        ``stable`` is 1 where every loop is.
+        where its motion after a pulse decays. ``motor_limit``, the greatest boost over what the motor gives at
+        ``KEEPS_UP`` [1]. ``stable`` is 1 where every loop is.
     """
     laden = car.loaded(load)
     found, stable = dict[str, float](), True
@@ -127,7 +128,7 @@ def margins(
         each = [read(FREQUENCIES, assist_loop.open_loop(p).response(FREQUENCIES)) for p in points]
         found[f"phase_{kph:.0f}"] = min(math.degrees(min(m.phase for m in each)), ENOUGH[0])
         found[f"gain_{kph:.0f}"] = min(_level(min(m.gain for m in each)), ENOUGH[1])
-    free, share = _free(car._replace(assist=a), law, load, chassis), float(a.boost.max()) / a.limit
+    free, share = _free(car._replace(assist=a), law, load, chassis), float(a.boost.max()) / available(a, KEEPS_UP)
     return {**found, **free, "motor_limit": share, "stable": float(stable)}
 
 

@@ -23,6 +23,7 @@ from steer_env.friction import defaults
 from steer_env.friction.law import law_of
 from steer_env.friction.sites import Sites, as_mapping
 from steer_env.vehicle.cars import Car, declared_keys
+from steer_env.vehicle.steering import motor
 from steer_env.vehicle.steering.assist import functions
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
@@ -195,8 +196,8 @@ def law(p: Any) -> dict[str, Any]:
 
 def car(c: Car) -> dict[str, Any]:
     """Source, assumptions and parameters of a car, SI."""
-    keys, own = declared_keys()["assist"], functions.keys(c.assist.functions, SAMPLE_TIME)
-    assist = {name: about for name, about in parameters(c.assist).items() if name != "functions"}
+    keys, own = declared_keys()["assist"], functions.keys(c.assist.functions, SAMPLE_TIME) | motor.keys(c.assist.motor)
+    assist = {name: about for name, about in parameters(c.assist).items() if name not in ("functions", "motor")}
     for name, value in own.items():
         assist[name] = {"value": _plain(value), "meaning": f"{keys[name].meaning} [{keys[name].unit}]"}
     return {

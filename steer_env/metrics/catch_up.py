@@ -14,11 +14,13 @@ import numpy as np
 from steer_env.metrics.common.definitions import RefusedError, metric, register_evaluation
 from steer_env.metrics.common.filtered_channels import ANGLE, TORQUE, FilteredChannels
 from steer_env.recording.recording import DEGREE, Recording
+from steer_env.vehicle.steering import motor
 
 CUTOFF = 10.0  # low-pass [Hz]
 MIDDLE = 0.5  # fraction of the travel that is read; assumed [1]
 FULL = 0.9  # fraction of the travel that a sweep must cover; assumed [1]
 SLOW = 60.0 * DEGREE  # highest speed of a quasi-static sweep; assumed [rad/s]
+AT_LIMIT = 0.98  # of its largest torque, from which the motor counts as at its limit; assumed [1]
 CATCH_UP = 2.5  # torque above the quasi-static torque that the hands feel, 2 to 3 in practice [N m]
 AT = 500.0 * DEGREE  # speed at which the excess is reported; assumed [rad/s]
 FEWEST = 4  # samples in the middle of a sweep; assumed
@@ -30,12 +32,14 @@ class FastSweeps:
 
     def __init__(self, recording: Recording, conditions: Mapping[str, Any]) -> None:
         smooth, time = FilteredChannels(recording, CUTOFF), recording.time
+        self._recording, self._motor = recording, conditions["motor"]
         angle, torque = smooth[ANGLE], smooth[TORQUE]
         half = 0.5 * np.ptp(angle)
         travel = (angle - 0.5 * (angle.max() + angle.min())) / max(half, 1e-9)
         far = np.flatnonzero(np.abs(travel) >= FULL)
         crossed = np.flatnonzero(travel[far[:-1]] * travel[far[1:]] < 0)
         rate, effort, side = [], [], []
+        self._middle: list[np.ndarray] = []
         for a, b in zip(far[crossed], far[crossed + 1]):
             inside = np.arange(a, b + 1)[np.abs(travel[a : b + 1]) <= MIDDLE]
             if inside.size < FEWEST:
@@ -49,6 +53,7 @@ class FastSweeps:
             rate.append(sign * slope)
             effort.append(sign * mean)
             side.append(sign)
+            self._middle.append(inside)
         self.rate, self.effort, self.side = np.array(rate), np.array(effort), np.array(side)
         self.sides = [s for s in (1.0, -1.0) if np.any((self.side == s) & (self.rate <= SLOW))]
         if not self.sides:
@@ -56,6 +61,15 @@ class FastSweeps:
         self.quasi_static = np.array([self.effort[(self.side == s) & (self.rate <= SLOW)].mean() for s in self.sides])
         if np.any(self.quasi_static <= 0):
             raise RefusedError(f"{TORQUE} runs against the turning {ANGLE}: check the signs, left is positive in both")
+
+    def at_limit(self) -> list[float]:
+        """Share of the middle of each sweep in which the motor gives its largest torque [1]."""
+        if self._motor is None:
+            raise RefusedError("the recording does not tell the limits of the motor, in meta motor")
+        given = {key: value for key, value in self._motor.items() if key != "limit"}
+        m, T, w = motor.make(**given), self._recording["motor_torque"], self._recording["column_speed"]
+        at = np.abs(T) >= AT_LIMIT * np.minimum(motor.course(m, self._recording.time, T, w), self._motor["limit"])
+        return [float(at[inside].mean()) for inside in self._middle]
 
     def series(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """For each side the speeds of the sweeps, in ascending order, and their excess torques."""
@@ -67,7 +81,7 @@ class FastSweeps:
         return found
 
 
-register_evaluation("catch-up", FastSweeps, speed_m_s=0.0)
+register_evaluation("catch-up", FastSweeps, speed_m_s=0.0, motor=None)
 
 _catch_up = partial(metric, source=SOURCE)
 
@@ -103,3 +117,23 @@ def torque_excess_at_500_deg_s(sweeps: FastSweeps) -> np.ndarray:
 def quasi_static_torque(sweeps: FastSweeps) -> np.ndarray:
     """Mean hand torque of the sweeps at 60 deg/s or slower, in the middle half of their travel; one per side."""
     return sweeps.quasi_static
+
+
+@_catch_up("1", "catch-up")
+def share_at_motor_limit(sweeps: FastSweeps) -> np.ndarray:
+    """Share of the sweeps above 60 deg/s, in the middle half of their travel, at the motor's limit; one per side."""
+    share, fast = np.array(sweeps.at_limit()), sweeps.rate > SLOW
+    found = [share[fast & (sweeps.side == side)] for side in sweeps.sides]
+    if not all(each.size for each in found):
+        raise RefusedError(f"no sweep above {SLOW / DEGREE:g} deg/s to each side: steer faster")
+    return np.array([each.mean() for each in found])
+
+
+@_catch_up("deg/s", "catch-up")
+def motor_limit_rate(sweeps: FastSweeps) -> np.ndarray:
+    """Speed of the slowest sweep in whose middle half the motor reaches its limit, of those driven; one per side."""
+    met = np.array(sweeps.at_limit()) > 0.0
+    found = [sweeps.rate[met & (sweeps.side == side)] for side in sweeps.sides]
+    if not all(each.size for each in found):
+        raise RefusedError(f"not reached up to {sweeps.rate.max() / DEGREE:.0f} deg/s: steer faster, or none is met")
+    return np.array([each.min() for each in found])

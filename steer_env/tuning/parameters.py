@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.vehicle.keys import declared_keys
-from steer_env.vehicle.steering import eps
+from steer_env.vehicle.steering import eps, motor
 from steer_env.vehicle.steering.assist import functions
 from steer_env.vehicle.steering.eps import SAMPLE_TIME, Assist
 
@@ -125,6 +125,7 @@ def keys(a: Assist, p: Mapping[str, float]) -> dict[str, Any]:
         own[name] = np.multiply(own[name], p[name] / before).tolist() if before else p[name]
     return {
         **own,
+        **motor.keys(a.motor),
         "speeds": a.speeds,
         "torques": t,
         "boost": (p["boost_level"] * p["boost_low_speed"] ** fading)[:, None] * boost,

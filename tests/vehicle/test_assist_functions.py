@@ -174,7 +174,7 @@ def stepped(c, a, state, law=NONE, angle=None, speed=V, substeps=20):
     before, after = eps.sample(a, x, twist, q[3], speed, request)
     h, memory = T / substeps, np.zeros(0)
     for j in range(substeps):
-        motor = eps.motor_step(a, x, before, after, j * h, h)
+        motor = eps.motor_step(a, x, x[:0], before, after, j * h, 0.0, h)
         if angle is None:
             column.step_torque(c, law, 1.0, q, memory, 0.0, motor, h)
         else:

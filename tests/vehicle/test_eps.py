@@ -31,7 +31,7 @@ def motor_torque(a, requests, substeps=1):
     for request in requests:
         before, after = eps.sample(a, x, 0.0, 0.0, 0.0, request)
         for j in range(substeps):
-            means.append(eps.motor_step(a, x, before, after, j * h, h))
+            means.append(eps.motor_step(a, x, x[:0], before, after, j * h, 0.0, h))
             ends.append(x[eps.MOTOR_TORQUE])
     return np.array(means), np.array(ends)
 
@@ -236,7 +236,7 @@ def test_margins_hold_for_the_kernels(offset):
         for _ in range(400):
             before, after = eps.sample(b, x, -LOOP.K_tb * q[2], q[3], 0.0, 0.0)
             for j in range(substeps):
-                motor = eps.motor_step(b, x, before, after, j * T / substeps, T / substeps)
+                motor = eps.motor_step(b, x, x[:0], before, after, j * T / substeps, 0.0, T / substeps)
                 column.step_angle(LOOP, p, 1.0, q, np.zeros(0), 0.0, 0.0, motor, T / substeps)
             size.append(abs(q[2]))
         return max(size[300:]) > max(size[150:250])

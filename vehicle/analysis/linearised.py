@@ -213,7 +213,7 @@ def _steps(p: Plant, state: Array) -> Array:
     """
     at, found = layout_of(p), 1e-6 * np.maximum(1.0, np.abs(state))
     found[: at.assist] = found[at.memory :] = 1e-6
-    found[at.assist : at.chassis] = found[at.rate : at.functions] = 1e-3
+    found[at.assist : at.chassis] = found[at.rate : at.motor] = 1e-3
     found[at.functions : min(at.functions + FRICTION, at.memory)] = 1e-3  # filters of the assist's functions
     return found
 

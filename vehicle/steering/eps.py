@@ -25,10 +25,12 @@ from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.interpolation import bracket
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle.keys import checked
+from steer_env.vehicle.steering import motor
 from steer_env.vehicle.steering.assist import damping as damping_law
 from steer_env.vehicle.steering.assist import functions
 from steer_env.vehicle.steering.assist.by_speed import between, by_speed, table
 from steer_env.vehicle.steering.assist.functions import Functions, NoFunctions
+from steer_env.vehicle.steering.motor import Motor, NoMotor
 
 SAMPLE_TIME = 1e-3  # [s]
 MAX_DELAY = 4  # whole samples that the queue holds
@@ -69,6 +71,7 @@ class Assist(NamedTuple):
     bandwidth: float  # corner of the motor torque loop [rad/s]
     limit: float  # motor peak torque at the column [N m]
     functions: Functions | NoFunctions = NoFunctions()  # in addition to boost and damping
+    motor: Motor | NoMotor = NoMotor()  # its limits beside the largest torque
 
 
 def make(
@@ -88,7 +91,8 @@ def make(
     """Checked assist parameters; the defaults are those of a compact car, assumed; the packaged cars have their own.
 
     The further keys, which ``inspect.signature`` lists, are those of the functions in
-    :mod:`steer_env.vehicle.steering.assist`, one file each; by default every function is off.
+    :mod:`steer_env.vehicle.steering.assist`, one file each, and of :func:`steer_env.vehicle.steering.motor.make`; by
+    default every function is off, and the motor has no other limit.
 
     Parameters
     ----------
@@ -137,11 +141,12 @@ def make(
         offset=max(latency - samples * SAMPLE_TIME, 0.0),
         bandwidth=2.0 * math.pi * checked("assist", "bandwidth", bandwidth),
         limit=checked("assist", "limit", limit),
-        functions=functions.make(frozen(v), SAMPLE_TIME, **more),
+        functions=functions.make(frozen(v), SAMPLE_TIME, **{key: more[key] for key in more if key not in motor.KEYS}),
+        motor=motor.make(**{key: more[key] for key in more if key in motor.KEYS}),
     )
 
 
-make.__signature__ = functions.with_keys(make)  # type: ignore[attr-defined]  # inspect reads it
+make.__signature__ = functions.with_keys(make, motor.make)  # type: ignore[attr-defined]  # inspect reads it
 
 
 def _tables(
@@ -182,6 +187,7 @@ def keys(a: Assist) -> dict[str, Any]:
         **{name: float(f"{value:.12g}") for name, value in derived.items()},
         "limit": a.limit,
         **functions.keys(a.functions, SAMPLE_TIME),
+        **motor.keys(a.motor),
     }
 
 
@@ -195,6 +201,11 @@ def lead_corners(a: Assist) -> tuple[float, float]:
     pole = (1.0 + a.lead_a1) / (1.0 - a.lead_a1)
     zero = 1.0 / (a.lead_b0 * (1.0 / pole + 1.0) - 1.0)
     return math.atan(zero) / (math.pi * SAMPLE_TIME), math.atan(pole) / (math.pi * SAMPLE_TIME)
+
+
+def available(a: Assist, speed: float) -> float:
+    """Largest torque [N m] with which the cold motor drives at a column speed [rad/s]."""
+    return a.limit if isinstance(a.motor, NoMotor) else min(a.limit, motor.largest(a.motor, 0.0, speed, True))
 
 
 @kernel
@@ -239,12 +250,18 @@ def _follow(a, x, command, h, lost):
 
 
 @kernel
-def motor_step(a, x, before, after, elapsed, h):
-    """Mean motor torque [N m] over a step ``h`` that starts ``elapsed`` after the last sample [s] (E5)."""
+def motor_step(a, x, heat, before, after, elapsed, speed, h):
+    """Mean motor torque [N m] over a step ``h`` that starts ``elapsed`` after the last sample [s] (E5).
+
+    ``speed`` is that of the column [rad/s], ``heat`` the states of the motor's limits.
+    """
+    before, after = motor.limited(a.motor, heat, before, speed), motor.limited(a.motor, heat, after, speed)
     first = within(a.offset - elapsed, 0.0, h)
     rest = h - first
     lost = -math.expm1(-a.bandwidth * first)
     impulse = _follow(a, x, before, first, lost)
     if rest != first:  # the default offset splits the step into equal halves
         lost = -math.expm1(-a.bandwidth * rest)
-    return (impulse + _follow(a, x, after, rest, lost)) / h  # (E5)
+    mean = (impulse + _follow(a, x, after, rest, lost)) / h  # (E5)
+    motor.warm(a.motor, heat, mean, h)
+    return mean

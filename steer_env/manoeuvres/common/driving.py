@@ -17,7 +17,7 @@ from steer_env.recording.recording import Recording
 from steer_env.vehicle import chassis, plant
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.chassis.common.interface import Names
-from steer_env.vehicle.steering import column, stability
+from steer_env.vehicle.steering import column, motor, stability
 from steer_env.vehicle.steering.eps import SAMPLE_TIME, without_assist
 
 Array = NDArray[np.float64]
@@ -72,10 +72,11 @@ class WholeCar:
         return plant.run(p, state, inputs, record, substeps)
 
     def about(self, car: Car) -> dict[str, Any]:
-        """The geometry that metrics need."""
+        """The geometry and the limits of the motor, which metrics need."""
         return {
             "wheelbase_m": car.chassis["front_axle"] + car.chassis["rear_axle"],
             "steering_ratio": car.steering_ratio(),
+            "motor": {"limit": car.assist.limit, **motor.keys(car.assist.motor)},
         }
 
 

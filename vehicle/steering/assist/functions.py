@@ -55,14 +55,15 @@ class Signals(NamedTuple):
     speed: float  # of the vehicle, below 0 in reverse [m/s]
 
 
-def _own_keys(module: Any) -> Iterator[Parameter]:
-    return (p for p in signature(module.make).parameters.values() if p.kind is Parameter.KEYWORD_ONLY)
+def _own_keys(make: Callable) -> Iterator[Parameter]:
+    return (p for p in signature(make).parameters.values() if p.kind is Parameter.KEYWORD_ONLY)
 
 
-def with_keys(make: Callable) -> Signature:
-    """The signature of ``make(*, ..., **functions)`` with the keys of every function in place of ``**functions``."""
+def with_keys(make: Callable, *others: Callable) -> Signature:
+    """The signature of ``make(*, ..., **more)`` with the keys of every function and of others in place of the last."""
     own = [p for p in signature(make).parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
-    return signature(make).replace(parameters=[*own, *(key for module in MODULES for key in _own_keys(module))])
+    makes = (*(module.make for module in MODULES), *others)
+    return signature(make).replace(parameters=[*own, *(key for each in makes for key in _own_keys(each))])
 
 
 def make(speeds: NDArray[np.float64], dt: float, **keys: Any) -> "Functions | NoFunctions":
@@ -82,7 +83,7 @@ def make(speeds: NDArray[np.float64], dt: float, **keys: Any) -> "Functions | No
     TypeError
         An unknown key.
     """
-    known = {key.name for module in MODULES for key in _own_keys(module)}
+    known = {key.name for module in MODULES for key in _own_keys(module.make)}
     for key in keys:
         if key not in known:
             raise TypeError(f"the assist has no key {key!r}")

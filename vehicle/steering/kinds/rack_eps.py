@@ -2,7 +2,7 @@
 
     n = 2 pi i/l                                                      (C10)  motor angle over rack travel
     I2 = J_p + r_p^2 (m_r + m_w + n^2 J_m),   C2 = r_p^2 d            (C11)  below the torsion bar
-    limit = r_p n T_max,   boost = r_p boost at the rack              (C12)  at the column axis
+    limit = r_p n T_max,   ratio = r_p n,   boost = r_p boost at the rack        (C12)  at the column axis
 
 with the belt ratio i, the lead l, the pinion radius r_p, inertia J_p of what turns with the pinion, mass m_r of the
 rack, mass m_w of the wheels about their king-pins seen at the rack, inertia J_m of the motor, damping d at the rack and
@@ -34,7 +34,7 @@ def at_column(p: Section, pinion_radius: float) -> dict[str, dict[str, float]]:
     mass = p["rack_mass"] + p["wheels_mass"] + n**2 * p["motor_inertia"]
     return {
         "column": {"I2": p["pinion_inertia"] + squared * mass, "C2": squared * p["rack_damping"]},  # (C11)
-        "assist": {"limit": pinion_radius * n * p["motor_torque"]},  # (C12)
+        "assist": {"limit": pinion_radius * n * p["motor_torque"], "motor_ratio": pinion_radius * n},  # (C12)
     }
 
 
