@@ -1,8 +1,8 @@
 """Where each part of a plant stands in its state array.
 
 The array holds, in this order, the column, the assist, the memory of the multi-step rules, the states of the chassis,
-their derivatives and the outputs at the last two evaluations of the chassis, the states of the assist's functions, and
-the memory of the friction law.
+their derivatives and the outputs at the last two evaluations of the chassis, the states of the motor's limits and of
+the assist's functions, and the memory of the friction law.
 """
 
 from typing import Any, NamedTuple

@@ -39,6 +39,7 @@ _PASSIVE = ("kg m2", "N m/rad", "N m s/rad", "1/N", "1/(N m)")
 _SECTIONS = {
     "column": ("column", ""),
     "assist": ("assist", ""),
+    "assist.motor": ("assist", "motor_"),
     "level": ("steering", "friction_"),
     "": ("steering", ""),
     "chassis": ("chassis", ""),

@@ -6,7 +6,7 @@ sweeps over the same angles to the same side.
 """
 
 from collections.abc import Mapping
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ import numpy as np
 from steer_env.metrics.common.definitions import RefusedError, metric, register_evaluation
 from steer_env.metrics.common.filtered_channels import ANGLE, TORQUE, FilteredChannels
 from steer_env.recording.recording import DEGREE, Recording
+from steer_env.vehicle.keys import checked
 from steer_env.vehicle.steering import motor
 
 CUTOFF = 10.0  # low-pass [Hz]
@@ -32,7 +33,7 @@ class FastSweeps:
 
     def __init__(self, recording: Recording, conditions: Mapping[str, Any]) -> None:
         smooth, time = FilteredChannels(recording, CUTOFF), recording.time
-        self._recording, self._motor = recording, conditions["motor"]
+        self._smooth, self._limits = smooth, conditions["motor"]
         angle, torque = smooth[ANGLE], smooth[TORQUE]
         half = 0.5 * np.ptp(angle)
         travel = (angle - 0.5 * (angle.max() + angle.min())) / max(half, 1e-9)
@@ -62,14 +63,17 @@ class FastSweeps:
         if np.any(self.quasi_static <= 0):
             raise RefusedError(f"{TORQUE} runs against the turning {ANGLE}: check the signs, left is positive in both")
 
-    def at_limit(self) -> list[float]:
+    @cached_property
+    def at_limit(self) -> np.ndarray:
         """Share of the middle of each sweep in which the motor gives its largest torque [1]."""
-        if self._motor is None:
-            raise RefusedError("the recording does not tell the limits of the motor, in meta motor")
-        given = {key: value for key, value in self._motor.items() if key != "limit"}
-        m, T, w = motor.make(**given), self._recording["motor_torque"], self._recording["column_speed"]
-        at = np.abs(T) >= AT_LIMIT * np.minimum(motor.course(m, self._recording.time, T, w), self._motor["limit"])
-        return [float(at[inside].mean()) for inside in self._middle]
+        try:
+            keys = dict(self._limits)
+            limit, m = checked("assist", "limit", keys.pop("limit")), motor.make(**keys)
+        except (TypeError, ValueError, KeyError) as error:
+            raise RefusedError(f"the recording has no limits of a motor in its meta motor: {error}") from None
+        T, w = self._smooth["motor_torque"], self._smooth["column_speed"]
+        at = np.abs(T) >= AT_LIMIT * np.minimum(motor.course(m, self._smooth.recording.time, T, w), limit)
+        return np.array([at[inside].mean() for inside in self._middle])
 
     def series(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """For each side the speeds of the sweeps, in ascending order, and their excess torques."""
@@ -122,8 +126,8 @@ def quasi_static_torque(sweeps: FastSweeps) -> np.ndarray:
 @_catch_up("1", "catch-up")
 def share_at_motor_limit(sweeps: FastSweeps) -> np.ndarray:
     """Share of the sweeps above 60 deg/s, in the middle half of their travel, at the motor's limit; one per side."""
-    share, fast = np.array(sweeps.at_limit()), sweeps.rate > SLOW
-    found = [share[fast & (sweeps.side == side)] for side in sweeps.sides]
+    fast = sweeps.rate > SLOW
+    found = [sweeps.at_limit[fast & (sweeps.side == side)] for side in sweeps.sides]
     if not all(each.size for each in found):
         raise RefusedError(f"no sweep above {SLOW / DEGREE:g} deg/s to each side: steer faster")
     return np.array([each.mean() for each in found])
@@ -132,8 +136,7 @@ def share_at_motor_limit(sweeps: FastSweeps) -> np.ndarray:
 @_catch_up("deg/s", "catch-up")
 def motor_limit_rate(sweeps: FastSweeps) -> np.ndarray:
     """Speed of the slowest sweep in whose middle half the motor reaches its limit, of those driven; one per side."""
-    met = np.array(sweeps.at_limit()) > 0.0
-    found = [sweeps.rate[met & (sweeps.side == side)] for side in sweeps.sides]
+    found = [sweeps.rate[(sweeps.at_limit > 0.0) & (sweeps.side == side)] for side in sweeps.sides]
     if not all(each.size for each in found):
         raise RefusedError(f"not reached up to {sweeps.rate.max() / DEGREE:.0f} deg/s: steer faster, or none is met")
     return np.array([each.min() for each in found])

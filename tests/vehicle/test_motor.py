@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from steer_env import metrics
-from steer_env import manoeuvres
+from steer_env import manoeuvres, metrics
 from steer_env.vehicle import cars, plant
 from steer_env.vehicle.chassis.common.interface import HAND, HAND_SPEED, INPUTS
 from steer_env.vehicle.steering import eps, motor
@@ -23,7 +22,7 @@ def limited():
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_curve_supply_and_voltage_limit_the_command(sign):
-    m = motor.make(**CURVE, supply_voltage=0.5, supply_power=100.0)
+    m = motor.make(**CURVE, motor_voltage=0.5, motor_power=100.0)
     middle = 0.5 * 175.0 / 20.5
     for speed, most in ((0.0, 71.75), (middle, 100.0 / middle), (15.0, 0.0)):
         assert motor.limited(m, np.zeros(1), 100.0 * sign, speed * sign) == pytest.approx(most * sign)
@@ -33,7 +32,7 @@ def test_curve_supply_and_voltage_limit_the_command(sign):
 
 
 def test_heat_derates_to_the_continuous_torque():
-    m, heat, torque = motor.make(**CURVE, continuous_torque=2.0, thermal_time=10.0), np.zeros(1), []
+    m, heat, torque = motor.make(**CURVE, motor_continuous=2.0, motor_thermal_time=10.0), np.zeros(1), []
     for _ in range(100_000):
         torque.append(motor.limited(m, heat, 71.75, 0.0))
         motor.warm(m, heat, torque[-1], DT)
@@ -91,9 +90,9 @@ def test_metrics_tell_where_the_motor_ends(changes):
         ({**CURVE, "motor_torques": [3.5, 3.5]}, "motor_torques must be 6 torques"),
         ({**CURVE, "motor_speeds": [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]}, "motor_speeds must ascend from 0"),
         ({**CURVE, "motor_torques": [3.5, 3.5, 2.0, 1.5, 1.0, np.nan]}, "motor_torques must be 6 torques"),
-        ({**CURVE, "continuous_torque": 4.0}, "continuous_torque must be at most 3.5"),
+        ({**CURVE, "motor_continuous": 4.0}, "motor_continuous must be at most the first of motor_torques, 3.5"),
         ({**CURVE, "motor_ratio": 0.0}, "motor_ratio must be"),
-        ({"supply_power": 300.0}, "supply_power needs the curve"),
+        ({"motor_power": 300.0}, "motor_power needs the curve"),
     ],
 )
 def test_bad_limits_are_refused(keys, message):
@@ -102,14 +101,19 @@ def test_bad_limits_are_refused(keys, message):
 
 
 def test_keys_give_the_limits_again():
-    a = eps.make(**CURVE, supply_voltage=0.9, supply_power=300.0, continuous_torque=2.0, thermal_time=90.0)
+    a = eps.make(**CURVE, motor_voltage=0.9, motor_power=300.0, motor_continuous=2.0, motor_thermal_time=90.0)
     for one, other in zip(eps.make(**eps.keys(a)).motor, a.motor):
         assert one == pytest.approx(other, rel=1e-11)
 
 
 def test_rows_and_single_environments_meet_the_limits_alike():
     name, actions = "steer_env/DriverParking-v2", np.full((6, 1), 1.0, np.float32)
-    limits = {**CURVE, "motor_torques": [0.4, 0.2, 0.1, 0.1, 0.0, 0.0], "continuous_torque": 0.1, "thermal_time": 1.0}
+    limits = {
+        **CURVE,
+        "motor_torques": [0.4, 0.2, 0.1, 0.1, 0.0, 0.0],
+        "motor_continuous": 0.1,
+        "motor_thermal_time": 1.0,
+    }
     given = {"vehicle": {"base": "compact", "assist": limits}}
     single = gym.make(name, **given)
     batch = gym.make_vec(name, num_envs=2, vectorization_mode="vector_entry_point", **given)

@@ -13,6 +13,7 @@ Source: the limits of permanent-magnet synchronous machines at a limited current
 theta_0 are assumed.
 """
 
+from inspect import signature
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,21 +23,12 @@ from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.interpolation import bracket
 from steer_env.friction.numerics.kernel import dispatch, kernel
-from steer_env.vehicle.keys import LARGEST, checked
+from steer_env.vehicle.keys import checked
 from steer_env.vehicle.steering.assist.by_speed import table
 
 Array = NDArray[np.float64]
 
 DERATED_FROM = 0.8  # theta_0 of (E24) [1]
-KEYS = (
-    "motor_ratio",
-    "motor_speeds",
-    "motor_torques",
-    "supply_voltage",
-    "supply_power",
-    "continuous_torque",
-    "thermal_time",
-)
 
 
 class NoMotor(NamedTuple):
@@ -44,15 +36,15 @@ class NoMotor(NamedTuple):
 
 
 class Motor(NamedTuple):
-    """Parameters as the kernels take them, at the column; :func:`make` checks."""
+    """Parameters as the kernels take them; :func:`make` checks."""
 
-    speeds: Array  # (K,) of the curve, with the voltage of the supply [rad/s]
-    torques: Array  # (K,) [N m]
-    power: float  # P, of the supply, as mechanical power [W]
-    continuous: float  # T_c [N m]
-    cooling: float  # 1/tau [1/s]
     ratio: float  # motor speed over column speed [1]
+    speeds: Array  # (K,) of the curve [rad/s]
+    torques: Array  # (K,) of the curve, at the motor [N m]
     voltage: float  # s, of the supply over that of the curve [1]
+    power: float  # P, mechanical power that the supply allows; 0 is no limit [W]
+    continuous: float  # T_c, at the motor; 0 is no limit [N m]
+    thermal_time: float  # tau [s]
 
 
 def make(
@@ -60,10 +52,10 @@ def make(
     motor_ratio: float = 20.5,
     motor_speeds: ArrayLike = (),
     motor_torques: ArrayLike = (),
-    supply_voltage: float = 1.0,
-    supply_power: float = 0.0,
-    continuous_torque: float = 0.0,
-    thermal_time: float = 60.0,
+    motor_voltage: float = 1.0,
+    motor_power: float = 0.0,
+    motor_continuous: float = 0.0,
+    motor_thermal_time: float = 60.0,
 ) -> "Motor | NoMotor":
     """The limits with these keys of section ``assist`` of a car file; there are none without a curve.
 
@@ -75,13 +67,13 @@ def make(
         Speeds of the motor's curve, ascending from zero [rad/s].
     motor_torques : (K,) array_like
         Its largest torques there, none above the one before; the last holds beyond [N m].
-    supply_voltage : float
+    motor_voltage : float
         Voltage of the supply over that of the curve [1].
-    supply_power : float
+    motor_power : float
         Largest mechanical power that the supply allows [W]; 0 is no limit.
-    continuous_torque : float
+    motor_continuous : float
         Torque of the motor that heats it to its limit in the long run [N m]; 0 is no limit.
-    thermal_time : float
+    motor_thermal_time : float
         Time constant of its temperature [s].
 
     Raises
@@ -89,57 +81,38 @@ def make(
     ValueError
         Naming the key and what is allowed.
     """
-    speeds, torques = table("motor_speeds", motor_speeds), table("motor_torques", motor_torques)
-    single = {"motor_ratio": motor_ratio, "supply_voltage": supply_voltage, "supply_power": supply_power}
-    single |= {"continuous_torque": continuous_torque, "thermal_time": thermal_time}
-    ratio, voltage, power, continuous, time = (checked("assist", key, value) for key, value in single.items())
-    if speeds.size == torques.size == 0:
-        limits = [key for key in ("supply_power", "continuous_torque") if single[key]]
-        if limits:
-            raise ValueError(f"{limits[0]} needs the curve of the motor: give motor_speeds and motor_torques")
-        return NoMotor()
-    if speeds.ndim != 1 or speeds.size < 2 or speeds[0] != 0.0 or not _all(np.diff(speeds) > 0.0, speeds):
-        raise ValueError(f"motor_speeds must ascend from 0 [rad/s], at least two values, got {speeds.tolist()}")
-    falls = _all(np.diff(torques) <= 0.0, torques) and np.all(torques >= 0.0)
-    if torques.shape != speeds.shape or not falls or torques[0] == 0.0:
-        raise ValueError(
-            f"motor_torques must be {speeds.size} torques [N m] for as many motor_speeds, the first above 0, none "
-            f"above the one before and none below 0, got {torques.tolist()}"
-        )
-    if continuous > torques[0]:
-        raise ValueError(
-            f"continuous_torque must be at most {torques[0]:g} [N m], the first of motor_torques, got {continuous:g}"
-        )
-    return frozen(
-        Motor(
-            speeds * voltage / ratio,
-            torques * ratio,
-            power or LARGEST,
-            continuous * ratio or LARGEST,
-            1.0 / time,
-            ratio,
-            voltage,
-        )
+    v, t = table("motor_speeds", motor_speeds), table("motor_torques", motor_torques)
+    ratio, voltage = checked("assist", "motor_ratio", motor_ratio), checked("assist", "motor_voltage", motor_voltage)
+    power, time = (
+        checked("assist", "motor_power", motor_power),
+        checked("assist", "motor_thermal_time", motor_thermal_time),
     )
+    continuous = checked("assist", "motor_continuous", motor_continuous)
+    if v.size == t.size == 0:
+        if power or continuous:
+            name = "motor_power" if power else "motor_continuous"
+            raise ValueError(f"{name} needs the curve of the motor: give motor_speeds and motor_torques")
+        return NoMotor()
+    if v.ndim != 1 or v.size < 2 or v[0] != 0.0 or not (np.isfinite(v).all() and np.all(np.diff(v) > 0.0)):
+        raise ValueError(f"motor_speeds must ascend from 0 [rad/s], at least two values, got {v.tolist()}")
+    if t.shape != v.shape or not (0.0 < t[0] < np.inf and t[-1] >= 0.0 and np.all(np.diff(t) <= 0.0)):
+        raise ValueError(
+            f"motor_torques must be {v.size} torques [N m] for as many motor_speeds, the first above 0, none above the "
+            f"one before and none below 0, got {t.tolist()}"
+        )
+    if continuous > t[0]:
+        raise ValueError(
+            f"motor_continuous must be at most the first of motor_torques, {t[0]:g} [N m], got {continuous:g}"
+        )
+    return frozen(Motor(ratio, v, t, voltage, power, continuous, time))
 
 
-def _all(holds: NDArray[np.bool_], values: Array) -> bool:
-    return bool(np.all(holds) and np.isfinite(values).all())
+KEYS = tuple(signature(make).parameters)
 
 
 def keys(m: "Motor | NoMotor") -> dict[str, Any]:
-    """The keys of a car file that make these limits, to twelve digits; none where there are none."""
-    if isinstance(m, NoMotor):
-        return {}
-    return {
-        "motor_ratio": m.ratio,
-        "motor_speeds": [float(f"{v:.12g}") for v in m.speeds * m.ratio / m.voltage],
-        "motor_torques": [float(f"{t:.12g}") for t in m.torques / m.ratio],
-        "supply_voltage": m.voltage,
-        "supply_power": m.power % LARGEST,
-        "continuous_torque": float(f"{m.continuous % LARGEST / m.ratio:.12g}"),
-        "thermal_time": float(f"{1.0 / m.cooling:.12g}"),
-    }
+    """The keys of a car file that make these limits; none where there are none."""
+    return {f"motor_{name}": np.asarray(value).tolist() for name, value in m._asdict().items()}
 
 
 def states(m: "Motor | NoMotor") -> tuple[tuple[str, str], ...]:
@@ -149,25 +122,16 @@ def states(m: "Motor | NoMotor") -> tuple[tuple[str, str], ...]:
 
 @kernel
 def largest(m, temperature, speed, drives):
-    """Largest torque [N m] at a column speed [rad/s] and a temperature (E23), while the motor drives or brakes."""
-    turning = abs(speed)
-    i, u = bracket(m.speeds, turning)
+    """Largest torque at the column [N m] at its speed [rad/s] and a temperature, where the motor drives or brakes."""
+    turning = abs(speed) * m.ratio
+    i, u = bracket(m.speeds, turning / m.voltage)
     found = m.torques[i] + u * (m.torques[i + 1] - m.torques[i])  # (E21)
-    if drives and found * turning > m.power:
+    if drives and 0.0 < m.power < found * turning:
         found = m.power / turning  # (E22)
-    cold = within((1.0 - temperature) / (1.0 - DERATED_FROM), 0.0, 1.0)
-    return min(found, m.continuous + cold * max(m.torques[0] - m.continuous, 0.0)) if cold < 1.0 else found  # (E24)
-
-
-def course(m: "Motor | NoMotor", time: Array, torque: Array, speed: Array) -> Array:
-    """Largest torque (T,) [N m] along a record (T,) of time [s], motor torque [N m] and column speed [rad/s]."""
-    if isinstance(m, NoMotor):
-        return np.full(time.size, np.inf)
-    found, temperature = np.empty(time.size), np.zeros(1)
-    for i, step in enumerate(np.diff(time, prepend=time[0])):
-        warm(m, temperature, torque[i], step)
-        found[i] = largest(m, temperature[0], speed[i], torque[i] * speed[i] > 0.0)
-    return found
+    if temperature > DERATED_FROM:
+        cold = max((1.0 - temperature) / (1.0 - DERATED_FROM), 0.0)
+        found = min(found, m.continuous + cold * (m.torques[0] - m.continuous))  # (E24)
+    return found * m.ratio
 
 
 @kernel
@@ -198,7 +162,8 @@ def _unwarmed(m, x, torque, h):
 
 @kernel
 def _warmed(m, x, torque, h):
-    x[0] += h * m.cooling * ((torque / m.continuous) ** 2 - x[0])  # (E23)
+    if m.continuous > 0.0:
+        x[0] += h / m.thermal_time * ((torque / m.ratio / m.continuous) ** 2 - x[0])  # (E23)
 
 
 _KERNELS: dict[type, dict[str, Any]] = {
@@ -226,3 +191,18 @@ def warm(m, x, torque, h):
 
 for _point in (size, limited, warm):
     dispatch(_point, lambda kind, name: _KERNELS.get(kind, {}).get(name))
+
+
+def course(m: "Motor | NoMotor", time: Array, torque: Array, speed: Array) -> Array:
+    """Largest torque (T,) [N m] along a record (T,) of time [s], motor torque [N m] and column speed [rad/s]."""
+    found = np.full(time.size, np.inf)
+    if isinstance(m, Motor):
+        _course(m, np.zeros(1), np.diff(time, prepend=time[0]), torque, speed, found)
+    return found
+
+
+@kernel
+def _course(m, temperature, step, torque, speed, found):
+    for i in range(found.size):
+        _warmed(m, temperature, torque[i], step[i])
+        found[i] = largest(m, temperature[0], speed[i], torque[i] * speed[i] > 0.0)
