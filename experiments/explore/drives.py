@@ -36,6 +36,8 @@ DEGREE_OF_PIECES = 23
 CLOSE = 2e-13  # of a piece to the motion of the hands, over the largest value [1]
 DIGITS = 16  # decimals of the coefficients
 RACK, HAND_SPEED = "rack_force", "handwheel_speed"
+LEFT_OUT = ("share_at_motor_limit", "motor_limit_rate")  # of the metrics: the page has no curve of a motor
+
 TIME = "time"
 # Words, unit and scale of what is drawn.
 DRAWN = {
@@ -164,7 +166,7 @@ def _manoeuvre(made: Manoeuvre, shown: Shown, chassis: tuple[str, ...]) -> dict[
         "channels": list(dict.fromkeys([*drawn, AY, *shown.channels])),
         "section": None if shown.section is None else [float(min(end, made.duration)) for end in section],
         "points": shown.points,
-        "metrics": [_metric(name) for name in metrics.available(made.name)],
+        "metrics": [_metric(name) for name in metrics.available(made.name) if name not in LEFT_OUT],
     }
 
 

@@ -93,7 +93,13 @@ def test_catch_up_that_is_not_reached_or_cannot_be_read():
     too_slow = "the fastest sweep is at 300 deg/s: steer at 500 deg/s or faster"
     assert slow["torque_excess_at_500_deg_s"].reason == too_slow
     assert slow["quasi_static_torque"].value == pytest.approx(SLOW_TORQUE, rel=1e-2)
+    assert slow["motor_limit_rate"].reason.startswith("not reached up to 300 deg/s")
+    assert slow["share_at_motor_limit"].value == 0.0
     clean = catch_up(200.0)[0]
+    for limits in (None, {}, "20", {"limit": "20"}, {"limit": 20.0, "motor_speeds": [1.0]}, {"limit": 20.0, "x": 1}):
+        found = refusals(replace(clean, meta={**clean.meta, "motor": limits}))
+        assert found.keys() == {"share_at_motor_limit", "motor_limit_rate"}
+        assert all("no limits of a motor in its meta motor" in text for text in found.values())
     for reason, bad in {
         "no sweep at 60 deg/s or slower to compare with": clean.between(55.0, clean.time[-1]),
         "check the signs": changed(clean, handwheel_torque=-clean["handwheel_torque"]),

@@ -7,6 +7,7 @@ from tests.synthetic.recordings import Example, recording, smooth_step
 
 LOCK, SWEEP, COUNT = 500 * DEGREE, 12.0, 6  # angle at the lock [rad], time from lock to lock [s], number of half sweeps
 SLOW_TORQUE, DAMPING, KNEE = 3.0, 1.5, 4.0  # [N m], [N m s/rad], speed above which the assist falls behind [rad/s]
+KEPT_UP = 450 * DEGREE  # speed at which the motor meets its limit [rad/s]
 
 
 def parking(rate: float) -> Example:
@@ -65,10 +66,15 @@ def catch_up(rate: float, fastest: float = 700.0) -> Example:
     clean = recording(
         "catch-up",
         time,
+        {"motor": {"limit": 20.0}},
         handwheel_angle=side * amplitude * (2 * s - 1),
         handwheel_torque=side * effort * np.tanh(np.minimum(s, 1 - s) / 0.03),
+        motor_torque=side * np.minimum(speeds[k] / KEPT_UP, 1.0) * 20.0,
+        column_speed=side * speeds[k],
     )
     return clean, {
+        "share_at_motor_limit": 3 / 7,  # at 500, 600 and 700 deg/s
+        "motor_limit_rate": 500.0,
         # between the sweeps at 300 and at 400 deg/s, both above the knee
         "catch_up_rate": (KNEE + 2.5 / DAMPING) / DEGREE,
         "torque_excess_at_500_deg_s": DAMPING * (500 * DEGREE - KNEE),
