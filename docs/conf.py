@@ -1,0 +1,37 @@
+"""Configuration of Sphinx for the site; tests/tools/site.py gathers its sources and builds it."""
+
+from importlib import metadata
+
+project, author = "steer-env", "The steer-env authors"
+project_copyright = author
+version = release = metadata.version("steer-env")
+language = "en"
+
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+myst_heading_anchors = 6  # links to headings, as code hosts make them
+highlight_language = "text"
+autodoc_mock_imports = ["stable_baselines3", "torch"]  # of the extra `train`
+autodoc_member_order = "bysource"
+autodoc_typehints_format = "short"
+python_use_unqualified_type_names = True
+maximum_signature_line_length = 80
+napoleon_google_docstring = napoleon_use_param = napoleon_use_rtype = False
+nitpick_ignore_regex = [("py:.*", ".*")]  # docstrings name types of other libraries, and what is not public
+
+html_theme = "furo"
+html_title = f"steer-env {release}"
+html_static_path = ["site.css"]
+html_css_files = ["site.css"]
+html_copy_source = False
+html_show_sphinx = False
+html_show_search_summary = False  # a page that is opened from disk cannot read the others
+
+
+def _literal_bars(app, what, name, thing, options, lines):
+    """In reStructuredText a magnitude, ``|v_x|`` in a docstring, would be a substitution."""
+    lines[:] = [line.replace("|", "\\|") if "``" not in line else line for line in lines]
+
+
+def setup(app):
+    """Prepare docstrings before napoleon reads them."""
+    app.connect("autodoc-process-docstring", _literal_bars, priority=400)
