@@ -1,6 +1,8 @@
 """Configuration of Sphinx for the site; tests/tools/site.py gathers its sources and builds it."""
 
-from importlib import metadata
+from importlib import import_module, metadata
+
+from tests.tools.site_pages import meanings
 
 project, author = "steer-env", "The steer-env authors"
 project_copyright = author
@@ -12,6 +14,7 @@ myst_heading_anchors = 6  # links to headings, as code hosts make them
 highlight_language = "text"
 autodoc_mock_imports = ["stable_baselines3", "torch"]  # of the extra `train`
 autodoc_member_order = "bysource"
+toc_object_entries = False  # the sidebar of every page would hold every name
 autodoc_typehints_format = "short"
 python_use_unqualified_type_names = True
 maximum_signature_line_length = 80
@@ -27,11 +30,15 @@ html_show_sphinx = False
 html_show_search_summary = False  # a page that is opened from disk cannot read the others
 
 
-def _literal_bars(app, what, name, thing, options, lines):
-    """In reStructuredText a magnitude, ``|v_x|`` in a docstring, would be a substitution."""
-    lines[:] = [line.replace("|", "\\|") if "``" not in line else line for line in lines]
+def _prepare(app, what, name, thing, options, lines):
+    """Docstrings as reStructuredText, in which ``|v_x|`` is a substitution; fields have the comment at their line."""
+    if lines and lines[0].startswith("Alias for field number"):
+        owner, _, field = name.rpartition(".")
+        module, _, kind = owner.rpartition(".")
+        lines[:] = [meanings(getattr(import_module(module), kind), units=True).get(field, "")]
+    lines[:] = [line if "``" in line else line.replace("|", "\\|") for line in lines]
 
 
 def setup(app):
-    """Prepare docstrings before napoleon reads them."""
-    app.connect("autodoc-process-docstring", _literal_bars, priority=400)
+    """Prepare docstrings after napoleon, which would take what precedes a colon in the comment of a field for a type."""
+    app.connect("autodoc-process-docstring", _prepare, priority=600)

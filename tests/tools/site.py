@@ -129,4 +129,4 @@ def build(out: Path, options: Iterable[str] = ("--fail-on-warning", "--keep-goin
     gather(sources)
     shutil.rmtree(out, ignore_errors=True)
     places = ["--conf-dir", CONFIGURATION, "--doctree-dir", kept, sources, out]
-    return main([*options, "--quiet", "--fresh-env", "--jobs", "1", "--builder", "html", *map(str, places)])
+    return main([*options, "--quiet", "--fresh-env", "--jobs", "auto", "--builder", "html", *map(str, places)])

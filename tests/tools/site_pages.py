@@ -72,10 +72,10 @@ def contents(title: str, text: str, pages: Iterable[str]) -> str:
     return f"# {title}\n\n{text}\n\n```{{toctree}}\n:titlesonly:\n\n{names}\n```\n"
 
 
-def meanings(parameters: type) -> dict[str, str]:
-    """Field of a class of parameters -> the comment at its line, without the unit."""
+def meanings(parameters: type, units: bool = False) -> dict[str, str]:
+    """Field of a class of parameters -> the comment at its line, with its unit or without."""
     found = re.findall(r"^    (\w+): .*?# (.*)$", inspect.getsource(parameters), re.MULTILINE)
-    return {name: re.sub(r" ?\[[^\]]*\]$", "", comment) for name, comment in found}
+    return {name: comment if units else re.sub(r" ?\[[^\]]*\]$", "", comment) for name, comment in found}
 
 
 def laws() -> Pages:
@@ -151,10 +151,31 @@ def commands() -> Pages:
     pages: Pages = {}
     for words, made in _parsers("steer-env", parser()):
         place = words.removeprefix("steer-env ").replace(" ", "-")
-        pages[f"commands/{place}.md"] = f"# {words}\n\n```text\n{made.format_help().rstrip()}\n```\n"
-    text = "Each page is the help of its command, as `steer-env COMMAND --help` prints it."
+        pages[f"commands/{place}.md"] = _help(words, made)
+    text = "Each page is the help of its command, which `steer-env COMMAND --help` prints."
     pages["commands/index.md"] = contents("Every command", text, pages)
     return pages
+
+
+def _help(words: str, made: argparse.ArgumentParser) -> str:
+    """What the parser of a command tells, without the width of a terminal."""
+    formatter = made._get_formatter()
+    parts = [f"# {words}\n", f"{_plain(made.description or '')}\n"]
+    usage = re.sub(r"\n +", "\n    ", made.format_usage().removeprefix("usage: ").rstrip())
+    parts.append(f"```text\n{usage}\n```\n")
+    for group in made._action_groups:
+        shown = [action for action in group._group_actions if action.help != argparse.SUPPRESS]
+        if shown:
+            parts.append(f"## {_plain(group.title or '').capitalize()}\n")
+        for action in shown:
+            told = " ".join(formatter._expand_help(action).split())
+            parts.append(f"* `{formatter._format_action_invocation(action)}`: {_plain(told)}\n")
+    return "\n".join([*parts, _plain(made.epilog or "")]).rstrip() + "\n"
+
+
+def _plain(text: str) -> str:
+    """Text in which nothing is Markdown."""
+    return re.sub(r"([\\`*_\[\]<>|])", r"\\\1", text)
 
 
 def _parsers(words: str, made: argparse.ArgumentParser) -> Iterator[tuple[str, argparse.ArgumentParser]]:
