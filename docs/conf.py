@@ -40,5 +40,5 @@ def _prepare(app, what, name, thing, options, lines):
 
 
 def setup(app):
-    """Prepare docstrings after napoleon, which would take what precedes a colon in the comment of a field for a type."""
+    """Prepare docstrings after napoleon, to which a colon in the comment of a field would mean a type."""
     app.connect("autodoc-process-docstring", _prepare, priority=600)

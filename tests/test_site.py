@@ -92,7 +92,35 @@ def test_the_first_page_is_small(built):
     assert sum(path.stat().st_size for path in [out / "index.html", *loaded]) < 1.5e6
 
 
+DOCSTRING = """A law.
+
+    T = |v| z    (F1)
+
+    dz = v
+
+See :func:`~a.make` and ``x``.
+
+Raises
+------
+ValueError
+    If x is negative.
+"""
+MARKDOWN = """A law.
+
+```text
+T = |v| z    (F1)
+
+dz = v
+```
+
+See `a.make` and `x`.
+
+**Raises**
+
+* `ValueError`:
+  If x is negative.
+"""
+
+
 def test_a_docstring_in_markdown():
-    text = "A law.\n\n    T = |v| z    (F1)\n\n    dz = v\n\nSee :func:`~a.make` and ``x``.\n\nRaises\n------\nValueError\n    If."
-    told = "A law.\n\n```text\nT = |v| z    (F1)\n\ndz = v\n```\n\nSee `a.make` and `x`.\n\n**Raises**\n\n* `ValueError`:\nIf.\n"
-    assert as_markdown(text) == told
+    assert as_markdown(DOCSTRING) == MARKDOWN

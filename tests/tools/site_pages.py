@@ -45,13 +45,24 @@ def as_markdown(docstring: str) -> str:
             if section:
                 text = f"**{section[1]}**\n\n" + "\n".join(_entries(section[2].splitlines()))
             blocks.append(text)
-    return "\n\n".join(blocks) + "\n"
+    return linked("\n\n".join(blocks)) + "\n"
+
+
+def linked(text: str) -> str:
+    """Text of a page in a folder, in which the pages of ``docs`` that it names are links."""
+    return re.sub(
+        r"(?<![\w/`(\[])docs/([\w\\]+)\.md", lambda found: f"[{found[0]}](../docs/{_bare(found[1])}.md)", text
+    )
+
+
+def _bare(text: str) -> str:
+    return text.replace("\\", "")
 
 
 def _entries(lines: list[str]) -> Iterator[str]:
     """Entries of a section of a docstring as a list."""
     for line in lines:
-        yield line.strip() if line.startswith(" ") else f"* `{line.replace('`', '')}`:"
+        yield f"  {line.strip()}" if line.startswith(" ") else f"* `{line.replace('`', '')}`:"
 
 
 def cell(value: Any) -> str:
@@ -90,7 +101,7 @@ def laws() -> Pages:
             (
                 f"`{key}`",
                 told.get(key, "").replace("|", "\\|"),
-                law.units.get(key, "").replace("1", ""),
+                law.units.get(key, ""),
                 cell(getattr(p, key, argument.default)),
             )
             for key, argument in inspect.signature(law.make).parameters.items()
@@ -120,7 +131,7 @@ def packaged_cars() -> Pages:
     for name in cars.available():
         data = cars.load(name).data()
         assumed = set(data.get("assumed", ()))
-        parts = [f"# {name}\n", f"{_sentence(data['description'])}\n", f"Source: {data['source']}.\n"]
+        parts = [f"# {name}\n", f"{_sentence(data['description'])}\n", f"Source: {linked(data['source'])}.\n"]
         parts.append(f"Tyre `{data['tyre']}`, strut `{data['strut']}`. `steer-env car {name}` prints the whole car.\n")
         for section, keys in declared_keys().items():
             if section not in data:
@@ -160,7 +171,8 @@ def commands() -> Pages:
 def _help(words: str, made: argparse.ArgumentParser) -> str:
     """What the parser of a command tells, without the width of a terminal."""
     formatter = made._get_formatter()
-    parts = [f"# {words}\n", f"{_plain(made.description or '')}\n"]
+    told = " ".join((made.description or "").split())
+    parts = [f"# {words}\n", f"{linked(_plain(told))}\n"]
     usage = re.sub(r"\n +", "\n    ", made.format_usage().removeprefix("usage: ").rstrip())
     parts.append(f"```text\n{usage}\n```\n")
     for group in made._action_groups:
@@ -169,8 +181,8 @@ def _help(words: str, made: argparse.ArgumentParser) -> str:
             parts.append(f"## {_plain(group.title or '').capitalize()}\n")
         for action in shown:
             told = " ".join(formatter._expand_help(action).split())
-            parts.append(f"* `{formatter._format_action_invocation(action)}`: {_plain(told)}\n")
-    return "\n".join([*parts, _plain(made.epilog or "")]).rstrip() + "\n"
+            parts.append(f"* `{formatter._format_action_invocation(action)}`: {linked(_plain(told))}\n")
+    return "\n".join([*parts, linked(_plain(made.epilog or ""))]).rstrip() + "\n"
 
 
 def _plain(text: str) -> str:
