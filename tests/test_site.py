@@ -10,7 +10,7 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 
-from steer_env import friction
+from steer_env import friction, metrics
 from steer_env.vehicle import cars
 from tests.tools.site_pages import as_markdown
 
@@ -79,9 +79,9 @@ def test_the_search_knows_the_words_of_the_pages(built):
     stem = pytest.importorskip("snowballstemmer").stemmer("english").stemWord
     found = index["terms"][stem("hysteresis")]
     names = {index["docnames"][k] for k in (found if isinstance(found, list) else [found])}
-    assert "docs/metrics" in names
-    assert {f"laws/{law}" for law in friction.available()} <= set(index["docnames"])
-    assert {f"cars/{car}" for car in cars.available()} <= set(index["docnames"])
+    assert "docs/model" in names
+    declared = {"laws": friction.available(), "cars": cars.available(), "manoeuvres": metrics.tests()}
+    assert {f"{folder}/{name}" for folder, names in declared.items() for name in names} <= set(index["docnames"])
 
 
 @pytest.mark.whole

@@ -46,6 +46,7 @@ DOORS = {
     "Train controllers": (
         "docs/learning.md",
         "docs/environments.md",
+        "environments/index.md",
         "docs/rewards.md",
         "docs/training.md",
         "docs/scores.md",
@@ -59,6 +60,7 @@ DOORS = {
     "Reference": (
         "docs/model.md",
         "docs/metrics.md",
+        "manoeuvres/index.md",
         "commands/index.md",
         "api/index.md",
         "docs/traces.md",

@@ -1,4 +1,4 @@
-"""Pages of the site that are made of declarations: friction laws, cars, commands, public names, examples.
+"""Pages of the site that are made of declarations, as of friction laws, cars, commands and public names.
 
 Each function gives pages by their place in the site, as Markdown; :mod:`tests.tools.site` writes them.
 """
@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from steer_env import friction
+from steer_env import REGISTERED, friction, metrics
 from steer_env.environments import table
 from steer_env.experiments.cli.main import parser
 from steer_env.experiments.pages import pictures
@@ -23,6 +23,7 @@ from steer_env.experiments.studies.friction_laws import HISTORIES
 from steer_env.friction.law import LAWS
 from steer_env.vehicle import cars
 from steer_env.vehicle.keys import declared_keys
+from tests.tools import glossary
 
 ROOT = Path(__file__).resolve().parents[2]
 Pages = dict[str, str]  # place in the site -> text
@@ -153,6 +154,27 @@ def packaged_cars() -> Pages:
     return pages
 
 
+def environments() -> Pages:
+    """A page for every id."""
+    pages: Pages = {}
+    for name in REGISTERED:
+        made = f'`gymnasium.make("{name}")`'
+        text = glossary.environment(name).replace("\n### ", "\n## ")
+        pages[f"environments/{name.partition('/')[2]}.md"] = f"# {name}\n\n{made}\n\n{text.rstrip()}\n"
+    text = "Each page is made of a task. [Environments](../docs/environments.md) has what all of them share."
+    pages["environments/index.md"] = contents("Every environment", text, pages)
+    return pages
+
+
+def manoeuvres() -> Pages:
+    """A page for every test with its metrics."""
+    pages = {f"manoeuvres/{test}.md": f"# {test}\n\n{glossary.metrics_of(test)}\n" for test in metrics.tests()}
+    text = "Each page is made of a manoeuvre and of the definitions of its metrics. "
+    text += "[Tests and metrics](../docs/metrics.md) says what intervals hold and what is refused."
+    pages["manoeuvres/index.md"] = contents("Every manoeuvre with its metrics", text, pages)
+    return pages
+
+
 def _sentence(text: str) -> str:
     return text[0].upper() + text[1:].rstrip(".") + "."
 
@@ -269,4 +291,5 @@ def files() -> Pages:
 
 def generated() -> Pages:
     """Every page that is made of declarations."""
-    return {**laws(), **packaged_cars(), **commands(), **api(), **examples(), **files()}
+    parts = (laws, packaged_cars, environments, manoeuvres, commands, api, examples, files)
+    return {place: text for part in parts for place, text in part().items()}
