@@ -5,7 +5,7 @@ SEED := $(shell date +%s)
 # The tests start many processes, which would compile every module that they import.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: report test types test-whole test-all test-matrix test-integrations audit clean
+.PHONY: report test types test-whole test-all test-matrix test-integrations audit docs clean
 
 # The main job: the core packages alone, then the evaluation report in report/index.html.
 report: .venv/.stamp
@@ -39,6 +39,10 @@ test-integrations: .venv-integrations/.stamp
 audit: .venv-test/.stamp
 	.venv-test/bin/python -m tests.maintain audit
 
+# The site of the documentation in build/docs/index.html; plain Python draws its few pictures sooner than it compiles.
+docs: .venv-docs/.stamp
+	NUMBA_DISABLE_JIT=1 .venv-docs/bin/python -m tests.maintain site
+
 .venv/.stamp: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
 	.venv/bin/python -m pip install --quiet --constraint constraints.txt --editable .
@@ -57,5 +61,10 @@ audit: .venv-test/.stamp
 	.venv-integrations/bin/python -m pip install --quiet --constraint constraints-integrations.txt --editable '.[integrations,test]'
 	touch $@
 
+.venv-docs/.stamp: pyproject.toml constraints.txt
+	$(PYTHON) -m venv .venv-docs
+	.venv-docs/bin/python -m pip install --quiet --constraint constraints.txt --editable '.[docs]'
+	touch $@
+
 clean:
-	rm -rf .venv .venv-test .venv-integrations report
+	rm -rf .venv .venv-test .venv-integrations .venv-docs build/docs build/docs-kept build/docs-sources report

@@ -189,19 +189,22 @@ observations of the environment that gave it.
 def metrics_page() -> str:
     """Tests and metrics as Markdown."""
     parts = [_METRICS]
-    for test in metrics.tests():
-        about = manoeuvres.make(test) if test in manoeuvres.available() else None
-        parts.append(f"\n## {test}\n")
-        if about:
-            parts.append(f"{about.definition} {about.source[0].upper()}{about.source[1:]}.\n")
-        parts.append("| metric | unit | definition | usual | noticed | source |\n|---|---|---|---|---|---|")
-        for name in metrics.available(test):
-            entry = metrics.definition(name)
-            usual = f"{entry.usual[0]:g} to {entry.usual[1]:g}" if entry.usual and test == "weave" else ""
-            text = entry.definition.replace("+-", "±").replace("|", "\\|")
-            noticed = f"{just_noticeable.SHARE:.0%}".replace("%", " %") if just_noticeable.applies(name) else ""
-            parts.append(f"| `{name}` | {entry.unit} | {text} | {usual} | {noticed} | {entry.source} |")
+    parts += [f"\n## {test}\n\n{metrics_of(test)}" for test in metrics.tests()]
     return "\n".join(parts) + "\n"
+
+
+def metrics_of(test: str) -> str:
+    """What a test is, with the table of its metrics."""
+    about = manoeuvres.make(test) if test in manoeuvres.available() else None
+    parts = [f"{about.definition} {about.source[0].upper()}{about.source[1:]}.\n"] if about else []
+    parts.append("| metric | unit | definition | usual | noticed | source |\n|---|---|---|---|---|---|")
+    for name in metrics.available(test):
+        entry = metrics.definition(name)
+        usual = f"{entry.usual[0]:g} to {entry.usual[1]:g}" if entry.usual and test == "weave" else ""
+        text = entry.definition.replace("+-", "±").replace("|", "\\|")
+        noticed = f"{just_noticeable.SHARE:.0%}".replace("%", " %") if just_noticeable.applies(name) else ""
+        parts.append(f"| `{name}` | {entry.unit} | {text} | {usual} | {noticed} | {entry.source} |")
+    return "\n".join(parts)
 
 
 def _documentation(name: str) -> str:
@@ -240,7 +243,7 @@ def _folded(text: str) -> str:
     return whole.sub(lambda _: found, text, count=1)
 
 
-def _section(name: str) -> str:
+def environment(name: str) -> str:
     """Documentation of an id: its docstring with the ranges of the options and one row for the path."""
     text = _folded(_documentation(name))
     options = re.compile(r"(?<=fixes what would be drawn:\n\n)(\|.*\n)+")
@@ -252,7 +255,7 @@ def environments_page() -> str:
     overview = table(("id", "action at 1", "decides every", "what it asks"), [_row(name) for name in REGISTERED])
     sections = [_ENVIRONMENTS, overview]
     for name in REGISTERED:
-        sections.append(f"\n## `{name}`\n\n" + _section(name))
+        sections.append(f"\n## `{name}`\n\n" + environment(name))
     units = {quantity.name: quantity.unit for task in tasks.available() for quantity in tasks.task(task).observed}
     # The points of the path have the same noise: the row of the first stands for all.
     shown = {re.sub("^path_.*", "path, each point", name): name for name in reversed(SENSOR_NOISE)}

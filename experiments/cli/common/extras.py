@@ -17,6 +17,7 @@ MODULES = {
     "fmu": ("fmpy", "ziglang"),
     "explore": ("ziglang",),
     "tune": ("optuna",),
+    "docs": ("sphinx", "myst_parser", "furo"),
 }  # extra -> modules that it brings
 OF_ALGORITHM = {"recurrent-ppo": "sb3_contrib"}
 

@@ -1,0 +1,70 @@
+"""Configuration of Sphinx for the site; tests/tools/site.py gathers its sources and builds it."""
+
+from importlib import import_module, metadata
+
+from sphinx import addnodes
+
+from tests.tools.site_pages import meanings
+
+project, author = "steer-env", "The steer-env authors"
+project_copyright = author
+version = release = metadata.version("steer-env")
+language = "en"
+
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+myst_heading_anchors = 6  # links to headings, as code hosts make them
+highlight_language = "text"
+autodoc_mock_imports = ["stable_baselines3", "torch"]  # of the extra `train`
+autodoc_member_order = "bysource"
+toc_object_entries = False  # the sidebar of every page would hold every name
+autodoc_typehints_format = "short"
+python_use_unqualified_type_names = True
+maximum_signature_line_length = 80
+napoleon_google_docstring = napoleon_use_param = napoleon_use_rtype = False
+nitpick_ignore_regex = [("py:.*", ".*")]  # docstrings name types of other libraries, and what is not public
+
+html_theme = "furo"
+html_title = f"steer-env {release}"
+html_static_path = ["site.css"]
+html_css_files = ["site.css"]
+html_copy_source = False
+html_show_sphinx = False
+html_show_search_summary = False  # a page that is opened from disk cannot read the others
+
+
+def _prepare(app, what, name, thing, options, lines):
+    """Docstrings as reStructuredText, in which ``|v_x|`` is a substitution; fields have the comment at their line."""
+    if lines and lines[0].startswith("Alias for field number"):
+        owner, _, field = name.rpartition(".")
+        module, _, kind = owner.rpartition(".")
+        lines[:] = [meanings(getattr(import_module(module), kind), units=True).get(field, "")]
+    lines[:] = [line if "``" in line else line.replace("|", "\\|") for line in lines]
+
+
+def _titles(app, environment):
+    """Tables of contents with titles of pages only, of which the sidebar of every page is made sooner."""
+    app.titles = {name: toc.deepcopy() for name, toc in environment.tocs.items()}
+    for item in (item for toc in app.titles.values() for item in toc.children if len(item) > 1):
+        further = list(item.findall(addnodes.toctree))
+        item[1:] = [type(item.parent)("", *further)] if further else []
+
+
+def _sidebar(app, page, template, context, doctree):
+    """Make the sidebar of titles; furo takes nothing else from whole tables of contents."""
+    make, environment = context["toctree"], app.env
+
+    def short(**options):
+        whole, environment.tocs = environment.tocs, app.titles
+        try:
+            return make(**options)
+        finally:
+            environment.tocs = whole
+
+    context["toctree"] = short
+
+
+def setup(app):
+    """Prepare docstrings after napoleon, to which a colon in the comment of a field would mean a type."""
+    app.connect("autodoc-process-docstring", _prepare, priority=600)
+    app.connect("env-check-consistency", _titles)
+    app.connect("html-page-context", _sidebar, priority=400)

@@ -1,0 +1,126 @@
+"""The site of the documentation builds without a warning, its links lead somewhere, and its search knows its words."""
+
+import json
+import os
+import subprocess
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+import pytest
+
+from steer_env import friction, metrics
+from steer_env.vehicle import cars
+from tests.tools.site_pages import as_markdown
+
+ROOT = Path(__file__).parents[1]
+
+
+class Page(HTMLParser):
+    """The places of a page that links lead to, and what it loads and links to."""
+
+    def __init__(self, path):
+        super().__init__()
+        self.places, self.links, self.loaded = {""}, [], []
+        self.feed(path.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag, attributes):
+        found = dict(attributes)
+        self.places.add(found.get("id", ""))
+        if tag == "a" and "href" in found:
+            self.links.append(found["href"])
+        elif tag in ("link", "script", "img"):
+            self.loaded += [found[key] for key in ("href", "src") if key in found]
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """The folder of the site, and its pages by path."""
+    for tool in ("sphinx", "myst_parser", "furo"):
+        pytest.importorskip(tool, reason="the extra docs is not installed")
+    out = tmp_path_factory.mktemp("site") / "docs"
+    words = [sys.executable, "-m", "tests.maintain", "site", "--out", str(out)]
+    # Plain Python draws the few pictures sooner than it compiles.
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
+    done = subprocess.run(words, cwd=ROOT, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "WARNING" not in done.stderr
+    return out, {path: Page(path) for path in out.rglob("*.html")}
+
+
+@pytest.mark.whole
+def test_every_link_and_anchor_within_the_site_resolves(built):
+    _, pages = built
+    dead = []
+    for path, page in pages.items():
+        for link in page.links + page.loaded:
+            to = urlsplit(link)
+            if to.scheme or to.netloc:
+                continue
+            target = (path.parent / unquote(to.path)).resolve() if to.path else path
+            there = target.is_file() and (target not in pages or unquote(to.fragment) in pages[target].places)
+            if not there:
+                dead.append(f"{path.name}: {link}")
+    assert not dead, "\n".join(dead)
+
+
+@pytest.mark.whole
+def test_nothing_is_loaded_from_a_network(built):
+    _, pages = built
+    assert not [link for page in pages.values() for link in page.loaded if urlsplit(link).netloc]
+
+
+@pytest.mark.whole
+def test_the_search_knows_the_words_of_the_pages(built):
+    out, _ = built
+    text = (out / "searchindex.js").read_text(encoding="utf-8")
+    index = json.loads(text.removeprefix("Search.setIndex(").rstrip().removesuffix(")"))
+    stem = pytest.importorskip("snowballstemmer").stemmer("english").stemWord
+    found = index["terms"][stem("hysteresis")]
+    names = {index["docnames"][k] for k in (found if isinstance(found, list) else [found])}
+    assert "docs/model" in names
+    declared = {"laws": friction.available(), "cars": cars.available(), "manoeuvres": metrics.tests()}
+    assert {f"{folder}/{name}" for folder, names in declared.items() for name in names} <= set(index["docnames"])
+
+
+@pytest.mark.whole
+def test_the_first_page_is_small(built):
+    """At most 1.5 MB, with all that it loads, before any compression."""
+    out, pages = built
+    loaded = [out / urlsplit(link).path for link in pages[out / "index.html"].loaded]
+    assert sum(path.stat().st_size for path in [out / "index.html", *loaded]) < 1.5e6
+
+
+DOCSTRING = """A law.
+
+    T = |v| z    (F1)
+
+    dz = v
+
+See :func:`~a.make` and ``x``.
+
+Raises
+------
+ValueError
+    If x is negative.
+"""
+MARKDOWN = """A law.
+
+```text
+T = |v| z    (F1)
+
+dz = v
+```
+
+See `a.make` and `x`.
+
+**Raises**
+
+* `ValueError`:
+  If x is negative.
+"""
+
+
+def test_a_docstring_in_markdown():
+    assert as_markdown(DOCSTRING) == MARKDOWN

@@ -1,0 +1,134 @@
+"""Gather the sources of the site and build it with Sphinx.
+
+The pages of the repository keep their places, so that their relative links work in the site as they do on the code
+host; README.md is the landing page. Files that a page links to are copied beside them and offered for download.
+"""
+
+import posixpath
+import re
+import shutil
+from collections.abc import Iterable
+from pathlib import Path
+
+from tests.tools.site_pages import ROOT, generated
+
+CONFIGURATION = ROOT / "docs"
+# Pages of the site that stand for files and folders of the repository.
+STANDS_FOR = {
+    "README.md": "index.md",
+    "LICENSE": "licence.md",
+    "CITATION.cff": "citation.md",
+    "examples": "examples/index.md",
+}
+# The sidebar: the doors of the README, by the kind of reader, then what all of them look up.
+DOORS = {
+    "Study friction": (
+        "docs/friction_laws.md",
+        "laws/index.md",
+        "docs/friction_study.md",
+        "docs/friction_measurement.md",
+        "docs/road_drive.md",
+        "docs/own_friction_law.md",
+        "docs/report.md",
+        "docs/real_time.md",
+    ),
+    "Calibrate steering": (
+        "docs/walkthrough.md",
+        "docs/explore.md",
+        "docs/car_files.md",
+        "docs/cars.md",
+        "cars/index.md",
+        "docs/analysis.md",
+        "docs/recordings.md",
+        "docs/tuning.md",
+        "docs/sensitivity.md",
+    ),
+    "Train controllers": (
+        "docs/learning.md",
+        "docs/environments.md",
+        "environments/index.md",
+        "docs/rewards.md",
+        "docs/training.md",
+        "docs/scores.md",
+        "docs/friction_shift.md",
+        "docs/datasets.md",
+        "docs/integrations.md",
+        "examples/index.md",
+    ),
+    "Couple to your own tools": ("docs/fmu.md", "docs/cosimulation.md", "docs/many_machines.md"),
+    "Sit at the wheel": ("docs/driving.md", "docs/devices.md"),
+    "Reference": (
+        "docs/model.md",
+        "docs/metrics.md",
+        "manoeuvres/index.md",
+        "commands/index.md",
+        "api/index.md",
+        "docs/traces.md",
+        "docs/validation.md",
+        "docs/compatibility.md",
+        "docs/public_interface.md",
+    ),
+    "Project": ("CHANGELOG.md", "CONTRIBUTING.md", "docs/releasing.md", "citation.md", "licence.md"),
+}
+
+
+def repository_pages() -> dict[str, str]:
+    """Place -> text of the Markdown pages of the repository."""
+    paths = [ROOT / name for name in ("README.md", "CHANGELOG.md", "CONTRIBUTING.md")]
+    paths += sorted((ROOT / "docs").glob("*.md"))
+    return {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for path in paths}
+
+
+def targets(place: str, text: str) -> set[str]:
+    """What a page links to and shows within the repository, from its root."""
+    found = re.findall(r"\]\(([^)#:\s]+)[^)]*\)", text)
+    there = {posixpath.normpath(posixpath.join(posixpath.dirname(place), target)) for target in found}
+    return {target for target in there if (ROOT / target).exists()}
+
+
+def led(place: str, text: str) -> str:
+    """A page whose links to what another page of the site stands for lead to that page."""
+    folder = posixpath.dirname(place)
+
+    def replaced(link: re.Match[str]) -> str:
+        target = posixpath.normpath(posixpath.join(folder, link[1]))
+        return f"]({posixpath.relpath(STANDS_FOR[target], folder or '.')}" if target in STANDS_FOR else link[0]
+
+    return re.sub(r"\]\(([^)#:\s]+)", replaced, text)
+
+
+def contents() -> str:
+    """The tables of contents of the landing page, which make the sidebar."""
+    parts = []
+    for door, places in DOORS.items():
+        names = "\n".join(place.removesuffix(".md") for place in places)
+        parts.append(f"\n```{{toctree}}\n:hidden:\n:titlesonly:\n:caption: {door}\n\n{names}\n```\n")
+    return "".join(parts)
+
+
+def gather(folder: Path) -> None:
+    """Write the sources of the site into a folder, which is replaced."""
+    shutil.rmtree(folder, ignore_errors=True)
+    written, own = repository_pages(), generated()
+    linked = set().union(*(targets(place, text) for place, text in (written | own).items()))
+    for target in linked - set(written) - set(STANDS_FOR):
+        if (ROOT / target).is_file():
+            path = folder / target
+            path.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(ROOT / target, path)
+    for place, text in (written | own).items():
+        path = folder / STANDS_FOR.get(place, place)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        end = contents() if place == "README.md" else ""
+        path.write_text(led(place, text) + end, encoding="utf-8")
+
+
+def build(out: Path, options: Iterable[str] = ("--fail-on-warning", "--keep-going", "--nitpicky")) -> int:
+    """Build the site into ``out``, with the sources and what Sphinx keeps beside it; Sphinx's exit code."""
+    from sphinx.cmd.build import main
+
+    sources, kept = (out.with_name(f"{out.name}-{part}") for part in ("sources", "kept"))
+    gather(sources)
+    shutil.rmtree(out, ignore_errors=True)
+    places = ["--conf-dir", CONFIGURATION, "--doctree-dir", kept, sources, out]
+    return main([*options, "--quiet", "--fresh-env", "--jobs", "auto", "--builder", "html", *map(str, places)])
