@@ -2,8 +2,6 @@
 
 from importlib import import_module, metadata
 
-from sphinx import addnodes
-
 from tests.tools.site_pages import meanings
 
 project, author = "steer-env", "The steer-env authors"
@@ -41,30 +39,6 @@ def _prepare(app, what, name, thing, options, lines):
     lines[:] = [line if "``" in line else line.replace("|", "\\|") for line in lines]
 
 
-def _titles(app, environment):
-    """Tables of contents with titles of pages only, of which the sidebar of every page is made sooner."""
-    app.titles = {name: toc.deepcopy() for name, toc in environment.tocs.items()}
-    for item in (item for toc in app.titles.values() for item in toc.children if len(item) > 1):
-        further = list(item.findall(addnodes.toctree))
-        item[1:] = [type(item.parent)("", *further)] if further else []
-
-
-def _sidebar(app, page, template, context, doctree):
-    """Make the sidebar of titles; furo takes nothing else from whole tables of contents."""
-    make, environment = context["toctree"], app.env
-
-    def short(**options):
-        whole, environment.tocs = environment.tocs, app.titles
-        try:
-            return make(**options)
-        finally:
-            environment.tocs = whole
-
-    context["toctree"] = short
-
-
 def setup(app):
     """Prepare docstrings after napoleon, to which a colon in the comment of a field would mean a type."""
     app.connect("autodoc-process-docstring", _prepare, priority=600)
-    app.connect("env-check-consistency", _titles)
-    app.connect("html-page-context", _sidebar, priority=400)

@@ -34,62 +34,47 @@ class Page(HTMLParser):
             self.loaded += [found[key] for key in ("href", "src") if key in found]
 
 
-@pytest.fixture(scope="module")
-def built(tmp_path_factory):
-    """The folder of the site, and its pages by path."""
+@pytest.mark.whole
+def test_the_site_builds_and_its_links_and_search_lead_somewhere(tmp_path):
+    """One test, as the site takes most of a minute."""
     for tool in ("sphinx", "myst_parser", "furo"):
         pytest.importorskip(tool, reason="the extra docs is not installed")
-    out = tmp_path_factory.mktemp("site") / "docs"
+    out = tmp_path / "docs"
     words = [sys.executable, "-m", "tests.maintain", "site", "--out", str(out)]
     # Plain Python draws the few pictures sooner than it compiles.
     environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
     done = subprocess.run(words, cwd=ROOT, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert "WARNING" not in done.stderr
-    return out, {path: Page(path) for path in out.rglob("*.html")}
+    pages = {path: Page(path) for path in out.rglob("*.html")}
+    assert not list(dead(pages))
+    assert not [link for page in pages.values() for link in page.loaded if urlsplit(link).netloc]
+    first = pages[out / "index.html"]
+    loaded = [out / urlsplit(link).path for link in first.loaded]
+    assert sum(path.stat().st_size for path in [out / "index.html", *loaded]) < 1.5e6  # before any compression
+    require_search((out / "searchindex.js").read_text(encoding="utf-8"))
 
 
-@pytest.mark.whole
-def test_every_link_and_anchor_within_the_site_resolves(built):
-    _, pages = built
-    dead = []
+def dead(pages):
+    """Links and anchors within the site that lead nowhere."""
     for path, page in pages.items():
         for link in page.links + page.loaded:
             to = urlsplit(link)
             if to.scheme or to.netloc:
                 continue
             target = (path.parent / unquote(to.path)).resolve() if to.path else path
-            there = target.is_file() and (target not in pages or unquote(to.fragment) in pages[target].places)
-            if not there:
-                dead.append(f"{path.name}: {link}")
-    assert not dead, "\n".join(dead)
+            if not target.is_file() or (target in pages and unquote(to.fragment) not in pages[target].places):
+                yield f"{path.name}: {link}"
 
 
-@pytest.mark.whole
-def test_nothing_is_loaded_from_a_network(built):
-    _, pages = built
-    assert not [link for page in pages.values() for link in page.loaded if urlsplit(link).netloc]
-
-
-@pytest.mark.whole
-def test_the_search_knows_the_words_of_the_pages(built):
-    out, _ = built
-    text = (out / "searchindex.js").read_text(encoding="utf-8")
+def require_search(text):
+    """The index of the search knows a word of a page, and a page for every declaration."""
     index = json.loads(text.removeprefix("Search.setIndex(").rstrip().removesuffix(")"))
     stem = pytest.importorskip("snowballstemmer").stemmer("english").stemWord
     found = index["terms"][stem("hysteresis")]
-    names = {index["docnames"][k] for k in (found if isinstance(found, list) else [found])}
-    assert "docs/model" in names
+    assert "docs/model" in {index["docnames"][k] for k in (found if isinstance(found, list) else [found])}
     declared = {"laws": friction.available(), "cars": cars.available(), "manoeuvres": metrics.tests()}
     assert {f"{folder}/{name}" for folder, names in declared.items() for name in names} <= set(index["docnames"])
-
-
-@pytest.mark.whole
-def test_the_first_page_is_small(built):
-    """At most 1.5 MB, with all that it loads, before any compression."""
-    out, pages = built
-    loaded = [out / urlsplit(link).path for link in pages[out / "index.html"].loaded]
-    assert sum(path.stat().st_size for path in [out / "index.html", *loaded]) < 1.5e6
 
 
 DOCSTRING = """A law.
