@@ -652,9 +652,16 @@ def below(p: Any) -> Any:
     return make_sites({name: given for name, given in as_mapping(p).items() if name != ABOVE})
 
 
-def driven_back(p: Any) -> float:
-    """What a sliding gear that is driven back makes of a change of the motor's torque, 1/eta_b; 1 without [1]."""
-    return 1.0 + p.gear.driven * sliding_torque(p.gear.law) if isinstance(p, Sites) else 1.0  # (F44)
+def transmissions(p: Any) -> tuple[float, ...]:
+    """What the friction of a gear makes of a change of the motor's torque [1] (E21).
+
+    1 at rest; sliding eta_d, where the motor drives, and 1/eta_b, where it is driven back. Without an efficiency 1
+    alone. The level of the car is its default one.
+    """
+    if not isinstance(p, Sites) or not (p.gear.driving or p.gear.driven):
+        return (1.0,)
+    F = sliding_torque(p.gear.law)
+    return 1.0, max(1.0 - p.gear.driving * F, 0.0), 1.0 + p.gear.driven * F  # (F44)
 
 
 def named(p: Any) -> str:

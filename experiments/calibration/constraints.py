@@ -18,7 +18,9 @@ from typing import Any
 
 import numpy as np
 
+from steer_env.friction import resolve
 from steer_env.friction.numerics.frozen import frozen
+from steer_env.friction.sites import transmissions
 from steer_env.vehicle import plant
 from steer_env.vehicle.analysis import assist_loop, free_control
 from steer_env.vehicle.analysis.linearised import FRICTIONLESS, Point
@@ -96,7 +98,7 @@ def margins(
     car : Car
     a : Assist
     law : parameters
-        The friction law at rest and of the free car.
+        The friction at rest and of the free car, whose gear may change the loop while it slides (E21).
     load : float
         Of the laden car [kg].
     reached : sequence of float
@@ -112,19 +114,22 @@ def margins(
         ``KEEPS_UP`` [1]. ``stable`` is 1 where every loop is.
     """
     laden = car.loaded(load)
-    found, stable = dict[str, float](), True
+    found, stable, passed = dict[str, float](), True, transmissions(resolve(law))
     for v in sorted({0.0, *a.speeds.tolist()}):
-        column = worst_margins(car.column, a, v)
+        column = worst_margins(car.column, a, v, passed)
         found[f"column_phase_{KPH * v:.0f}"] = min(math.degrees(column.phase), ENOUGH[0])
         found[f"column_gain_{KPH * v:.0f}"] = min(_level(column.gain), ENOUGH[1])
         stable &= all(stability.stable(car.column, a, v, free=free) for free in (False, True))
     for kph, reach in zip(SPEEDS, reached, strict=True):
         slope, points = steepest(a, kph / KPH, reach), list[Point]()
-        for friction in (FRICTIONLESS, law)[: 2 if kph <= RESTING_UP_TO else 1]:
-            points.append(_straight(laden, a, slope, friction, kph / KPH, chassis))
-            stable &= not assist_loop.grows(points[-1])
+        sliding = _straight(laden, a, slope, FRICTIONLESS, kph / KPH, chassis)
+        points += [assist_loop.transmitted(sliding, factor) for factor in passed]
+        if kph <= RESTING_UP_TO:
+            points.append(_straight(laden, a, slope, law, kph / KPH, chassis))
+        stable &= not any(map(assist_loop.grows, points))
         if (turning := _return_saturated(a)) is not a:
-            points.append(_straight(laden, turning, slope, FRICTIONLESS, kph / KPH, chassis))
+            sliding = _straight(laden, turning, slope, FRICTIONLESS, kph / KPH, chassis)
+            points += [assist_loop.transmitted(sliding, factor) for factor in passed]
         each = [read(FREQUENCIES, assist_loop.open_loop(p).response(FREQUENCIES)) for p in points]
         found[f"phase_{kph:.0f}"] = min(math.degrees(min(m.phase for m in each)), ENOUGH[0])
         found[f"gain_{kph:.0f}"] = min(_level(min(m.gain for m in each)), ENOUGH[1])

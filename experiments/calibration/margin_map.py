@@ -8,12 +8,14 @@ from itertools import product
 from typing import Any, NamedTuple
 
 from steer_env.drivers.common.definition import arm
+from steer_env.friction import resolve
 from steer_env.friction.numerics import cache
+from steer_env.friction.sites import transmissions
 from steer_env.vehicle.analysis import assist_loop
 from steer_env.vehicle.analysis.linearised import Point
 from steer_env.vehicle.analysis.operating_point import HANDS, Cornering, cornering, held, steady
 from steer_env.vehicle.cars import Car
-from steer_env.vehicle.steering.margins import TARGETS, Margins, of_cells
+from steer_env.vehicle.steering.margins import TARGETS, Margins, least, of_cells
 
 KPH = 3.6  # [km/h] of 1 m/s
 SPEEDS = (20.0, 40.0, 60.0, 80.0, 100.0, 120.0, 140.0)  # [km/h]
@@ -71,8 +73,21 @@ def _turned(turn: Cornering, torque: float) -> Point | None:
     return None
 
 
+def held_points(point: Point, hands: str, friction: str, law: Any) -> list[Point]:
+    """The point with its hands and friction; of friction that slides, with each factor that its gear has (E21)."""
+    if friction == RESTING:
+        return [hold(point, hands, law)]
+    return [assist_loop.transmitted(hold(point, hands, None), factor) for factor in transmissions(resolve(law))]
+
+
+def worst_point(point: Point, hands: str, friction: str, law: Any) -> Point:
+    """That of :func:`held_points` with the smallest disk margin."""
+    each = held_points(point, hands, friction, law)
+    return min(each, key=lambda p: assist_loop.margins(p).disk) if len(each) > 1 else each[0]
+
+
 def _margins(point: Point | None, hands: str, friction: str, law: Any) -> Margins | None:
-    return assist_loop.margins(hold(point, hands, law if friction == RESTING else None)) if point else None
+    return least([assist_loop.margins(each) for each in held_points(point, hands, friction, law)]) if point else None
 
 
 def of_speed(turn: Cornering, kph: float, law: Any) -> Iterator[Cell]:
@@ -83,9 +98,9 @@ def of_speed(turn: Cornering, kph: float, law: Any) -> Iterator[Cell]:
             yield Cell(kph, torque, hands, friction, _margins(point, hands, friction, law))
 
 
-def standing(car: Car) -> list[Cell]:
+def standing(car: Car, law: Any) -> list[Cell]:
     """The points at standstill: the column against a rack force that stays, in every cell of the boost table."""
-    cells = of_cells(car.column, car.assist, 0.0)
+    cells = of_cells(car.column, car.assist, 0.0, transmissions(resolve(law)))
     return [Cell(0.0, cell.torque, "on", SLIDING, cell.margins) for cell in cells]
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from steer_env import friction
 from steer_env.experiments.calibration import margin_map
-from steer_env.experiments.calibration.margin_map import KPH, RESTING, Cell
+from steer_env.experiments.calibration.margin_map import KPH, Cell
 from steer_env.friction import sites
 from steer_env.vehicle.analysis import assist_loop, limit_cycle, linearised
 from steer_env.vehicle.analysis.assist_loop import FREQUENCIES
@@ -90,7 +90,7 @@ def collect(
         Told the part that is done and what comes next.
     """
     label, p = (law, law) if isinstance(law, str) else (law.label, law.parameters)
-    cells, turns = margin_map.standing(car), dict[float, Cornering]()
+    cells, turns = margin_map.standing(car, p), dict[float, Cornering]()
     for i, kph in enumerate(margin_map.SPEEDS):
         notify(0.8 * i / len(margin_map.SPEEDS), f"margins at {kph:g} km/h")
         turns[kph] = cornering(car, kph / KPH, chassis)
@@ -98,14 +98,14 @@ def collect(
     worst = worst_of([cell for cell in cells if cell.speed_kph])
     notify(0.8, "responses and modes")
     at = [c for c in cells if c.margins and c[0] == worst.speed_kph and c[2:4] == (worst.hands, worst.friction)]
-    resting = p if worst.friction == RESTING else None
-    loops = {
-        f"{cell.torque:g} N m": assist_loop.open_loop(
-            margin_map.hold(steady(turns[worst.speed_kph], torque=cell.torque), worst.hands, resting)
-        ).response(FREQUENCIES)
+    points = {
+        cell.torque: margin_map.worst_point(
+            steady(turns[worst.speed_kph], torque=cell.torque), worst.hands, worst.friction, p
+        )
         for cell in at
     }
-    point = margin_map.hold(steady(turns[worst.speed_kph], torque=worst.torque), worst.hands, resting)
+    loops = {f"{torque:g} N m": assist_loop.open_loop(each).response(FREQUENCIES) for torque, each in points.items()}
+    point = points[worst.torque]
     gain = worst.margins.gain if worst.margins and worst.margins.stable else 1.0  # the locus ends above the limit
     factors = np.linspace(0.0, 1.2 * min(gain, 20.0), 60)
     boost_modes = [
@@ -129,7 +129,7 @@ def collect(
         factors=factors,
         boost_modes=boost_modes,
         cycles=cycles,
-        driven_back_db=20.0 * math.log10(sites.driven_back(friction.resolve(p))),
+        driven_back_db=20.0 * math.log10(max(sites.transmissions(friction.resolve(p)))),
     )
 
 

@@ -167,5 +167,5 @@ def simulate(car: Car) -> Simulated:
         parking={state: vehicle.park(car, LAW, state == "assisted") for state in ("assisted", "unassisted")},
         weave=_weave(car),
         hands_off={name: hands_off(car, name) for name in every_chassis()},
-        assist={kph: assist_cells(car, kph) for kph in ASSISTED},
+        assist={kph: assist_cells(car, kph, [LAW]) for kph in ASSISTED},
     )

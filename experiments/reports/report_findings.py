@@ -327,7 +327,7 @@ def on_target(results: Results) -> bool:
 
 def driven_back_db(results: Results) -> float:
     """By which a worm gear that is driven back raises the gain of the assist loop, the most of all laws [dB]."""
-    return 20.0 * math.log10(max(map(sites.driven_back, results.laws.values())))
+    return 20.0 * math.log10(max(max(sites.transmissions(p)) for p in results.laws.values()))
 
 
 def usual_interval(results: Results) -> float:

@@ -146,7 +146,7 @@ def _parts(laws: dict[str, Any], base: str, car: cars.Car, scope: Scope) -> list
         parts.append(Part("loop widths", None, ([car], ["lugre"], tuple(loop_width.TESTS), scope.widths)))
     parts += [Part("law", law, (scope, p, first[law_of(p).name] == law)) for law, p in laws.items()]
     parts += [Part("fitted", law, (scope, law)) for law in friction_records.fittable(list(first))]
-    return parts + [Part("margins", kph, (car, kph)) for kph in scope.speeds_kph]
+    return parts + [Part("margins", kph, (car, kph, list(laws.values()))) for kph in scope.speeds_kph]
 
 
 def collect(laws: dict[str, Any], scope: Scope, notify: Notify, sweep: Runner = run) -> Results:

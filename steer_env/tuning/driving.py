@@ -8,6 +8,7 @@ import numpy as np
 from steer_env import metrics
 from steer_env.episode.randomise import Conditions, with_level
 from steer_env.friction.numerics.thread_pool import one_blas_thread
+from steer_env.friction.sites import transmissions
 from steer_env.manoeuvres.common.driving import OpenLoop, build_plant, drive_plant, open_loop
 from steer_env.metrics import Value
 from steer_env.recording.recording import Recording
@@ -77,7 +78,8 @@ def tried(drives: tuple[PreparedDrive, ...], assist: Assist) -> Tried:
 
 def _margins(drives: tuple[PreparedDrive, ...], assist: Assist) -> Margins:
     speeds = {each.drive.manoeuvre.speed for each in drives}
-    every = [worst_margins(drives[0].car.column, assist, speed) for speed in sorted(speeds)]
+    passed = transmissions(drives[0].plant.friction)
+    every = [worst_margins(drives[0].car.column, assist, speed, passed) for speed in sorted(speeds)]
     worst = min(every, key=lambda m: m.phase)
     return worst._replace(gain=min(m.gain for m in every), stable=all(m.stable for m in every))
 

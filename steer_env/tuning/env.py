@@ -269,7 +269,7 @@ class TuneEnv(PlainSpecification, gym.Env):
         drawn = self._randomise.draw(self.np_random, options)
         speeds = {each.manoeuvre.speed for each in driving.adapted(self.scenario, self.chassis, drawn)}
         names = self.scenario.parameters
-        self._next = start.drawn(self.np_random, self.car, names, sorted(speeds), self.detuning)
+        self._next = start.drawn(self.np_random, self.car, drawn.friction, names, sorted(speeds), self.detuning)
         return drawn
 
     def begin(self, drawn: Conditions, known: context.Known) -> tuple[NDArray[np.float32], dict[str, Any]]:

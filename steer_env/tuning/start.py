@@ -7,10 +7,12 @@ function, and less than nothing is nothing. The start is driveable: the loop kee
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from steer_env.friction.sites import transmissions
 from steer_env.tuning import reward
 from steer_env.tuning.parameters import FUNCTIONS, tuned, values
 from steer_env.vehicle.cars import Car
@@ -24,16 +26,18 @@ SHARE = 2.0 / 3.0  # of the wanted margins that the start keeps; assumed [1]
 TRIES = 20  # offsets that are drawn at most; the one with the largest margins is taken where none keeps them
 
 
-def drawn(rng: np.random.Generator, car: Car, names: tuple[str, ...], speeds: Sequence[float], largest: float) -> Array:
+def drawn(
+    rng: np.random.Generator, car: Car, friction: Any, names: tuple[str, ...], speeds: Sequence[float], largest: float
+) -> Array:
     """Offsets (n,) of the named parameters, with which the loop is stable at the speeds of the tests [m/s]."""
     if not largest:
         return np.zeros(len(names))
     upward = np.array([name in FUNCTIONS for name in names])
-    best, most = np.zeros(len(names)), 0.0
+    best, most, passed = np.zeros(len(names)), 0.0, transmissions(friction)
     for _ in range(TRIES):
         sign = np.where(upward, 1.0, rng.choice((-1.0, 1.0), len(names)))
         offset = sign * rng.uniform(LEAST, 1.0, len(names)) * largest
-        kept = _kept(car, names, speeds, offset)
+        kept = _kept(car, passed, names, speeds, offset)
         if kept > most:
             best, most = offset, kept
         if most >= SHARE:
@@ -41,9 +45,9 @@ def drawn(rng: np.random.Generator, car: Car, names: tuple[str, ...], speeds: Se
     return best
 
 
-def _kept(car: Car, names: tuple[str, ...], speeds: Sequence[float], offset: Array) -> float:
+def _kept(car: Car, passed: tuple[float, ...], names: tuple[str, ...], speeds: Sequence[float], offset: Array) -> float:
     """The smaller share of a wanted margin that an offset keeps [1]; 0 where the loop is unstable."""
     assist = tuned(car.assist, values(car.assist, names, offset))
-    found = least([worst_margins(car.column, assist, speed) for speed in speeds])
+    found = least([worst_margins(car.column, assist, speed, passed) for speed in speeds])
     phase, gain = (x / wanted for x, wanted in zip((math.degrees(found.phase), reward.decibels(found.gain)), MARGINS))
     return min(phase, gain) if found.stable else 0.0

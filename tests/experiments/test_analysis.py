@@ -65,7 +65,8 @@ def test_a_worm_gear_is_told_where_it_takes_margin(tmp_path):
     assert found["one"]["driven_back_db"] == 0.0
     assert found["gear"]["driven_back_db"] == pytest.approx(1.11, abs=0.01)
     sliding = [[c for c in each["map"] if c["friction"] == margin_map.SLIDING] for each in found.values()]
-    assert sliding[0] == sliding[1]
+    least = [min(20.0 * math.log10(c["gain"] or math.inf) for c in each if c["reached"]) for each in sliding]
+    assert least[1] == pytest.approx(least[0] - 1.11, abs=0.02)  # at standstill, with the least motor damping
 
 
 @pytest.mark.whole
@@ -74,7 +75,7 @@ def test_the_compact_keeps_its_margins_with_a_part_of_the_friction_above_the_bar
     monkeypatch.undo()
     split = {"upper_column": "lugre,F_c=0.135", "gear": "lugre,F_c=0.765"}
     car = cars.load("compact")
-    cells = margin_map.standing(car) + margin_map.of_car(car, split, (0.0,), "single_track")
+    cells = margin_map.standing(car, split) + margin_map.of_car(car, split, (0.0,), "single_track")
     assert sum(cell.margins is not None for cell in cells) > 150
     assert margin_map.missed(cells) == []
 

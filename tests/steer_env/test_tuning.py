@@ -309,7 +309,7 @@ def test_context_is_observed():
 
 def test_parameters_are_physical():
     env = make(ALL_ROUND, detuning=0.0)
-    assert env.parameters["lead_zero"] == ("Hz", pytest.approx(5.0), pytest.approx(15.0), pytest.approx(45.0))
+    assert env.parameters["lead_zero"] == ("Hz", pytest.approx(17.0 / 3.0), pytest.approx(17.0), pytest.approx(51.0))
     env.reset(seed=0)
     for _, low, own, high in env.parameters.values():
         assert low < own < high

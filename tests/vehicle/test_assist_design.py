@@ -10,6 +10,7 @@ import pytest
 
 from steer_env import friction
 from steer_env.experiments.studies.assist_design import main
+from steer_env.friction import sites
 from steer_env.friction.numerics import toml
 from steer_env.vehicle import cars
 from steer_env.vehicle.analysis import assist_design, free_control
@@ -41,9 +42,11 @@ def test_packaged_cars_have_the_designed_assist(name):
 
 @pytest.mark.parametrize("name", cars.available())
 def test_loops_keep_their_margins(name):
+    """Also while the gear of that kind of steering slides, with its efficiency."""
     car = cars.load(name)
+    passed = sites.transmissions(friction.resolve(f"lugre@{car.kind}"))
     for speed in car.assist.speeds:
-        found = margins.worst_margins(car.column, car.assist, speed)
+        found = margins.worst_margins(car.column, car.assist, speed, passed)
         assert found.stable
         assert math.degrees(found.phase) >= 30.0
         assert 20.0 * math.log10(found.gain) >= 6.0

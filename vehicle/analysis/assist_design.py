@@ -8,7 +8,8 @@ a lateral acceleration A, the hands hold T(A) if
 
 without friction. From standstill to 80 km/h the weight of the second falls as 1 - sqrt(v/80 km/h). The motor damping
 at a speed is the least one, in steps of 0.25 N m s/rad, with which the free car (hands off, no friction) has the
-damping ratio of ``FREE_DAMPING``, on a single track, which is less damped than two tracks at speed.
+damping ratio of ``FREE_DAMPING``, on a single track, which is less damped than two tracks at speed. The loop keeps its
+margins also while the gear of that kind of steering slides, with its efficiency (E21).
 
 Sources: the parking effort is within the limits of workshop manuals (3.7 to 7.8 N m); the rest is assumed. No range of
 the damping ratio of free control has been published.
@@ -21,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from steer_env.friction.sites import make_sites, transmissions
 from steer_env.vehicle import plant
 from steer_env.vehicle.analysis import free_control
 from steer_env.vehicle.cars import Car, UnusualCar
@@ -139,9 +141,10 @@ def _boost_table(standing: float, driving: dict[float, Array], effort: float) ->
 
 
 def _steady(car: Car, speed: float) -> bool:
-    """Whether the loop of the assist is stable and keeps the usual margins at a speed [m/s]."""
+    """Whether the loop of the assist is stable and keeps the usual margins at a speed [m/s], also through its gear."""
     phase, gain = margins.TARGETS
-    found = margins.worst_margins(car.column, car.assist, speed)
+    gear = transmissions(make_sites({car.kind: "coulomb"}))
+    found = margins.worst_margins(car.column, car.assist, speed, gear)
     return found.stable and math.degrees(found.phase) >= phase and 20.0 * math.log10(found.gain) >= gain
 
 

@@ -30,6 +30,7 @@ from steer_env.vehicle.steering.assist.functions import Functions
 from steer_env.vehicle.steering.column import COLUMN_ANGLE, COLUMN_SPEED, HANDWHEEL_ANGLE
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 from steer_env.vehicle.steering.margins import FREQUENCIES, Margins, answer, boost_gain, read
+from steer_env.vehicle.steering.margins import transmitted as of_assist
 
 Array = NDArray[np.float64]
 
@@ -65,13 +66,23 @@ class Loop(NamedTuple):
 
 def without_boost(point: Point) -> Point:
     """The same point with a request in place of boost and lead-lag."""
-    p, a, state, u = point.plant, point.plant.assist, point.state.copy(), point.inputs.copy()
+    a = point.plant.assist
     f = a.functions
     if isinstance(f, Functions):
         f = f._replace(lead_lag=f.lead_lag._replace(gain=0.0))
-    p = frozen(p._replace(assist=a._replace(boost=0.0 * a.boost, functions=f)))
+    return _requested(point, a._replace(boost=0.0 * a.boost, functions=f), 0.0)
+
+
+def transmitted(point: Point, factor: float) -> Point:
+    """The same point, whose loop is that behind a gear that slides, with a factor of (E21); ``point`` itself at 1."""
+    return point if factor == 1.0 else _requested(point, of_assist(point.plant.assist, factor), factor)
+
+
+def _requested(point: Point, a: eps.Assist, factor: float) -> Point:
+    """The point with another assist, of ``factor`` times the boost, and a request that keeps the motor's torque."""
+    p, state, u = frozen(point.plant._replace(assist=a)), point.state.copy(), point.inputs.copy()
     at = layout_of(p).assist
-    state[at + eps.LEAD_STATE] = 0.0
+    state[at + eps.LEAD_STATE] *= factor
     trial, row = state.copy(), np.zeros((1, len(plant.channels(p))))
     plant.run(p, trial, u[None, :], row, 1)
     u[ASSIST_REQUEST] += state[at + eps.QUEUE] - trial[at + eps.QUEUE]

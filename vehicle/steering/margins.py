@@ -5,6 +5,15 @@ in whole samples, motor damping and inertia compensation closed, and the boost c
 that answers the torsion bar's torque stands beside the boost: the lead-lag, and at their steepest the fade of the
 active return and, as a spring of negative stiffness, the friction compensation (E16).
 
+The friction of a gear with an efficiency grows with the motor's torque T_m (F44). While it slides at a speed w, without
+its preload, it takes (1 - eta_d) |T_m| where T_m drives the motion, and (1/eta_b - 1) |T_m| where it is driven back,
+against w. What is left of T_m, and of a small change of it, is
+
+    k T_m,   k = eta_d  if T_m w > 0,   k = 1/eta_b  if T_m w < 0,   k = 1  at rest                            (E21)
+
+The loop is linear in T_m, so that k is a factor on all that the motor answers, of which :func:`transmitted` makes the
+loop. A sliding gear drags the observer of the friction compensation along, whose spring acts at k = 1 only.
+
     alpha = 1/max |S - 1/2|,   S = 1/(1 + L)                                                                   (E18)
 
 alpha is the disk margin: the loop stays stable while gain and phase together change by any complex factor of the disk
@@ -23,6 +32,7 @@ import control
 import numpy as np
 from numpy.typing import NDArray
 
+from steer_env.friction.numerics.frozen import frozen
 from steer_env.vehicle.steering.assist import active_return
 from steer_env.vehicle.steering.assist.first_order import FirstOrder
 from steer_env.vehicle.steering.assist.functions import Functions, gain_at
@@ -53,6 +63,23 @@ class Cell(NamedTuple):
     torque: float  # of the torsion bar, in the middle of the cell [N m]
     slope: float  # of the boost curve [1]
     margins: Margins
+
+
+def transmitted(a: Assist, factor: float) -> Assist:
+    """The assist whose loop is that of ``a`` behind a gear that slides, with a factor of (E21); ``a`` itself at 1."""
+    if factor == 1.0:
+        return a
+    f = a.functions
+    if isinstance(f, Functions):
+        of_return = f.active_return
+        f = f._replace(
+            active_return=of_return._replace(gain=factor * of_return.gain, saturation=factor * of_return.saturation),
+            damping=f.damping._replace(gain=factor * f.damping.gain),
+            inertia_compensation=f.inertia_compensation._replace(gain=factor * f.inertia_compensation.gain),
+            lead_lag=f.lead_lag._replace(gain=factor * f.lead_lag.gain),
+            friction_compensation=f.friction_compensation._replace(gain=0.0 * f.friction_compensation.gain),
+        )
+    return frozen(a._replace(boost=factor * a.boost, damping=factor * a.damping, functions=f))  # (E21)
 
 
 def boost_gain(a: Assist, torque: float, speed: float) -> float:
@@ -239,11 +266,20 @@ def least(found: Sequence[Margins]) -> Margins:
     return worst._replace(gain=gain, delay=delay, disk=disk, stable=all(m.stable for m in found))
 
 
-def of_cells(c: Column, a: Assist, speed: float) -> list[Cell]:
+def of_cells(c: Column, a: Assist, speed: float, transmissions: Sequence[float] = (1.0,)) -> list[Cell]:
     """The column's loop in every cell of the boost table that answers the torque at a speed [m/s].
 
-    With functions of the assist it is :func:`least` over their slopes of :func:`slopes_of_functions`.
+    It is :func:`least` over the factors of (E21), which :func:`steer_env.friction.sites.transmissions` gives for a
+    friction, and with functions of the assist over their slopes of :func:`slopes_of_functions`.
     """
+    each = [_cells(c, transmitted(a, factor), speed) for factor in transmissions]
+    return [
+        Cell(cells[0].torque, boost_gain(a, cells[0].torque, speed), least([cell.margins for cell in cells]))
+        for cells in zip(*each, strict=True)
+    ]
+
+
+def _cells(c: Column, a: Assist, speed: float) -> list[Cell]:
     cells, pairs = [], []
     for low, high in pairwise(a.torques.tolist()):
         torque = 0.5 * (high + low)
@@ -256,7 +292,7 @@ def of_cells(c: Column, a: Assist, speed: float) -> list[Cell]:
     return [Cell(torque, slope, least(list(islice(found, count)))) for torque, slope, count in cells]
 
 
-def worst_margins(c: Column, a: Assist, speed: float) -> Margins:
+def worst_margins(c: Column, a: Assist, speed: float, transmissions: Sequence[float] = (1.0,)) -> Margins:
     """:func:`least` over :func:`of_cells` at a speed [m/s]; infinite for an assist that answers no torque."""
-    cells = of_cells(c, a, speed)
+    cells = of_cells(c, a, speed, transmissions)
     return least([cell.margins for cell in cells]) if cells else Margins(*(math.inf,) * 3, 2.0, math.nan, True)

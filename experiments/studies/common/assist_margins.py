@@ -1,8 +1,11 @@
 """Margins of the assist loop in every cell of a car's boost table."""
 
 import math
-from typing import NamedTuple
+from collections.abc import Iterable
+from typing import Any, NamedTuple
 
+from steer_env.friction import resolve
+from steer_env.friction.sites import transmissions
 from steer_env.vehicle import cars
 from steer_env.vehicle.steering import margins
 from steer_env.vehicle.steering.margins import TARGETS
@@ -19,8 +22,12 @@ class Cell(NamedTuple):
     stable: bool
 
 
-def assist_cells(car: str | cars.Car, speed_kph: float) -> list[Cell]:
-    """Margins of the assist loop of a car, or of the packaged car of a name, in every cell that assists at a speed."""
+def assist_cells(car: str | cars.Car, speed_kph: float, frictions: Iterable[Any] = ()) -> list[Cell]:
+    """Margins of the assist loop of a car, or of the packaged car of a name, in every cell that assists at a speed.
+
+    The smallest with any of the frictions, whose gears may change the loop while they slide (E21).
+    """
+    passed = sorted({1.0, *(factor for each in frictions for factor in transmissions(resolve(each)))})
     loaded = cars.load(car) if isinstance(car, str) else car
     return [
         Cell(
@@ -31,7 +38,7 @@ def assist_cells(car: str | cars.Car, speed_kph: float) -> list[Cell]:
             m.crossover,
             m.stable,
         )
-        for torque, slope, m in margins.of_cells(loaded.column, loaded.assist, speed_kph / 3.6)
+        for torque, slope, m in margins.of_cells(loaded.column, loaded.assist, speed_kph / 3.6, passed)
     ]
 
 
