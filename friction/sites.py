@@ -653,7 +653,7 @@ def below(p: Any) -> Any:
 
 
 def transmissions(p: Any) -> tuple[float, ...]:
-    """What the friction of a gear makes of a change of the motor's torque [1] (E21).
+    """What the friction of a gear makes of a change of the motor's torque [1] (E25).
 
     1 at rest; sliding eta_d, where the motor drives, and 1/eta_b, where it is driven back. Without an efficiency 1
     alone. The level of the car is its default one.

@@ -98,7 +98,7 @@ def margins(
     car : Car
     a : Assist
     law : parameters
-        The friction at rest and of the free car, whose gear may change the loop while it slides (E21).
+        The friction at rest and of the free car, whose gear may change the loop while it slides (E25).
     load : float
         Of the laden car [kg].
     reached : sequence of float

@@ -74,7 +74,7 @@ def _turned(turn: Cornering, torque: float) -> Point | None:
 
 
 def held_points(point: Point, hands: str, friction: str, law: Any) -> list[Point]:
-    """The point with its hands and friction; of friction that slides, with each factor that its gear has (E21)."""
+    """The point with its hands and friction; of friction that slides, with each factor that its gear has (E25)."""
     if friction == RESTING:
         return [hold(point, hands, law)]
     return [assist_loop.transmitted(hold(point, hands, None), factor) for factor in transmissions(resolve(law))]

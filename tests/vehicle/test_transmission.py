@@ -1,4 +1,4 @@
-"""What a sliding gear with an efficiency makes of the assist loop (E21), against the plant that is stepped."""
+"""What a sliding gear with an efficiency makes of the assist loop (E25), against the plant that is stepped."""
 
 import numpy as np
 import pytest

@@ -9,7 +9,7 @@ a lateral acceleration A, the hands hold T(A) if
 without friction. From standstill to 80 km/h the weight of the second falls as 1 - sqrt(v/80 km/h). The motor damping
 at a speed is the least one, in steps of 0.25 N m s/rad, with which the free car (hands off, no friction) has the
 damping ratio of ``FREE_DAMPING``, on a single track, which is less damped than two tracks at speed. The loop keeps its
-margins also while the gear of that kind of steering slides, with its efficiency (E21).
+margins also while the gear of that kind of steering slides, with its efficiency (E25).
 
 Sources: the parking effort is within the limits of workshop manuals (3.7 to 7.8 N m); the rest is assumed. No range of
 the damping ratio of free control has been published.

@@ -74,7 +74,7 @@ def without_boost(point: Point) -> Point:
 
 
 def transmitted(point: Point, factor: float) -> Point:
-    """The same point, whose loop is that behind a gear that slides, with a factor of (E21); ``point`` itself at 1."""
+    """The same point, whose loop is that behind a gear that slides, with a factor of (E25); ``point`` itself at 1."""
     return point if factor == 1.0 else _requested(point, of_assist(point.plant.assist, factor), factor)
 
 

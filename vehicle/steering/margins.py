@@ -9,7 +9,7 @@ The friction of a gear with an efficiency grows with the motor's torque T_m (F44
 its preload, it takes (1 - eta_d) |T_m| where T_m drives the motion, and (1/eta_b - 1) |T_m| where it is driven back,
 against w. What is left of T_m, and of a small change of it, is
 
-    k T_m,   k = eta_d  if T_m w > 0,   k = 1/eta_b  if T_m w < 0,   k = 1  at rest                            (E21)
+    k T_m,   k = eta_d  if T_m w > 0,   k = 1/eta_b  if T_m w < 0,   k = 1  at rest                            (E25)
 
 The loop is linear in T_m, so that k is a factor on all that the motor answers, of which :func:`transmitted` makes the
 loop. A sliding gear drags the observer of the friction compensation along, whose spring acts at k = 1 only.
@@ -66,7 +66,7 @@ class Cell(NamedTuple):
 
 
 def transmitted(a: Assist, factor: float) -> Assist:
-    """The assist whose loop is that of ``a`` behind a gear that slides, with a factor of (E21); ``a`` itself at 1."""
+    """The assist whose loop is that of ``a`` behind a gear that slides, with a factor of (E25); ``a`` itself at 1."""
     if factor == 1.0:
         return a
     f = a.functions
@@ -79,7 +79,7 @@ def transmitted(a: Assist, factor: float) -> Assist:
             lead_lag=f.lead_lag._replace(gain=factor * f.lead_lag.gain),
             friction_compensation=f.friction_compensation._replace(gain=0.0 * f.friction_compensation.gain),
         )
-    return frozen(a._replace(boost=factor * a.boost, damping=factor * a.damping, functions=f))  # (E21)
+    return frozen(a._replace(boost=factor * a.boost, damping=factor * a.damping, functions=f))  # (E25)
 
 
 def boost_gain(a: Assist, torque: float, speed: float) -> float:
@@ -269,7 +269,7 @@ def least(found: Sequence[Margins]) -> Margins:
 def of_cells(c: Column, a: Assist, speed: float, transmissions: Sequence[float] = (1.0,)) -> list[Cell]:
     """The column's loop in every cell of the boost table that answers the torque at a speed [m/s].
 
-    It is :func:`least` over the factors of (E21), which :func:`steer_env.friction.sites.transmissions` gives for a
+    It is :func:`least` over the factors of (E25), which :func:`steer_env.friction.sites.transmissions` gives for a
     friction, and with functions of the assist over their slopes of :func:`slopes_of_functions`.
     """
     each = [_cells(c, transmitted(a, factor), speed) for factor in transmissions]

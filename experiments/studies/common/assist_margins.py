@@ -25,7 +25,7 @@ class Cell(NamedTuple):
 def assist_cells(car: str | cars.Car, speed_kph: float, frictions: Iterable[Any] = ()) -> list[Cell]:
     """Margins of the assist loop of a car, or of the packaged car of a name, in every cell that assists at a speed.
 
-    The smallest with any of the frictions, whose gears may change the loop while they slide (E21).
+    The smallest with any of the frictions, whose gears may change the loop while they slide (E25).
     """
     passed = sorted({1.0, *(factor for each in frictions for factor in transmissions(resolve(each)))})
     loaded = cars.load(car) if isinstance(car, str) else car
