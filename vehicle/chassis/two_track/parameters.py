@@ -48,7 +48,7 @@ class Body(NamedTuple):
     camber_r: float  # rear inclination per travel, left wheel [rad/m]
     compliance_steer_r: float  # rear steer angle per lateral force on the wheel [rad/N]
     contact_y_r: float  # rear contact-point displacement to the left per travel, left wheel [1]
-    K_rack: float  # compliance between the rack and both road wheels, seen at the rack [N/m]
+    K_rack: float  # stiffness between the rack and both road wheels, each with half of it, seen at the rack [N/m]
     T_rack: float  # time constant of the steering compliance [s]
     sigma_x: float  # longitudinal relaxation length [m]
     sigma_y: float  # lateral relaxation length [m]
