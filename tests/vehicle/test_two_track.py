@@ -43,7 +43,7 @@ from steer_env.vehicle.chassis.two_track import (
 )
 from steer_env.vehicle.constants import GRAVITY as G
 from steer_env.vehicle.plant import HAND, HAND_SPEED
-from steer_env.vehicle.suspension.macpherson import load_coefficients
+from steer_env.vehicle.suspension.macpherson import load_coefficients, mirrored
 from tests.by_law import EACH_LAW
 from tests.vehicle.test_plant import robot_angle, weave
 
@@ -167,6 +167,12 @@ def heading(steer):
     return math.cos(steer) * E_X + math.sin(steer) * E_Y, math.cos(steer) * E_Y - math.sin(steer) * E_X
 
 
+def front_poses(x, rack):
+    """The exact poses of both front wheels, each at the rack less its own compliance travel."""
+    left, right = rack - x[two_track.COMPLIANCE : two_track.COMPLIANCE + 2]
+    return CAR.strut.solve(left, x[TRAVEL]), mirrored(CAR.strut.solve(-right, x[TRAVEL + 1]))
+
+
 def wheels(p, x, rack, rack_rate, u):
     """Forces by vectors, exact strut and checked tyre: F, N about O on car and wheels, along travels, and the power.
 
@@ -176,7 +182,7 @@ def wheels(p, x, rack, rack_rate, u):
     d, R = p.chassis.body[0], axes(x)
     V, W = R @ x[:3], R @ x[3:6]
     ground = np.array([road.height(p.chassis.road, i % 2, x[two_track.DISTANCE] + AT[i, 0])[0] for i in range(4)])
-    poses = CAR.strut.solve_pair(rack - x[two_track.COMPLIANCE], x[TRAVEL], x[TRAVEL + 1])
+    poses = front_poses(x, rack)
     _, out, _ = code(p, x, rack, rack_rate, u)
     drive = 0.5 * np.repeat([out[OUT["front_drive_torque"]], out[OUT["rear_drive_torque"]]], 2)
     pedal = out[OUT["brake_pedal"]]
@@ -270,7 +276,7 @@ def energy(p, x, rack=0.0):
     kinetic += 0.5 * (M * x[TRAVEL_RATE:OMEGA]) @ (x[2] + x[3] * AT[:, 1] - x[4] * AT[:, 0])
     kinetic += 0.5 * d.I_w * (spins**2).sum()
     weight = d.m * (d.g_x * x[two_track.X] + d.g_y * x[two_track.Y] + d.g_z * x[two_track.Z]) + d.g_z * M @ s
-    poses = CAR.strut.solve_pair(rack - x[two_track.COMPLIANCE], s[0], s[1])
+    poses = front_poses(x, rack)
     length = np.array([float(CAR.strut.solve(0.0, 0.0).strut_length - pose.strut_length) for pose in poses])
     springs = (d.S_f * length + 0.5 * d.K_f * length**2).sum() + (d.S_r * s[2:] + 0.5 * d.K_r * s[2:] ** 2).sum()
     bars = 0.5 * (d.B_f * (s[0] - s[1]) ** 2 + d.B_r * (s[2] - s[3]) ** 2)

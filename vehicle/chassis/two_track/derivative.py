@@ -78,8 +78,8 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
     total = external_load(d, frame, body, u, ground.F_z, engine, out)
     accelerations(d, less_gyroscopic(d, x, total, omega), out, dx)
     kinematics(frame, body, x, dx)
-    dx[COMPLIANCE] = (2.0 * left / d.K_rack - x[COMPLIANCE]) / d.T_rack  # (P6)
-    dx[COMPLIANCE + 1] = (2.0 * right / d.K_rack - x[COMPLIANCE + 1]) / d.T_rack  # (P6)
+    dx[COMPLIANCE] = (2.0 * (left - d.F_toe) / d.K_rack - x[COMPLIANCE]) / d.T_rack  # (P6)
+    dx[COMPLIANCE + 1] = (2.0 * (right + d.F_toe) / d.K_rack - x[COMPLIANCE + 1]) / d.T_rack  # (P6)
     dx[GEAR] = dx[SHIFT_TIME] = 0.0  # the gear changes in the step, not in the derivative
 
     out[STEER_LEFT], out[STEER_RIGHT], _, _ = unpack(steer)

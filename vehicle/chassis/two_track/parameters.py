@@ -49,6 +49,7 @@ class Body(NamedTuple):
     compliance_steer_r: float  # rear steer angle per lateral force on the wheel [rad/N]
     contact_y_r: float  # rear contact-point displacement to the left per travel, left wheel [1]
     K_rack: float  # stiffness between the rack and both road wheels, each with half of it, seen at the rack [N/m]
+    F_toe: float  # force of the left wheel on the rack in the design position, at which the toe is set [N]
     T_rack: float  # time constant of the steering compliance [s]
     sigma_x: float  # longitudinal relaxation length [m]
     sigma_y: float  # lateral relaxation length [m]
