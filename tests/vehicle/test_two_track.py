@@ -394,6 +394,7 @@ def test_engine_speeding_up_is_carried_by_the_body():
     """In first gear at full throttle the body receives the opposite of the torque of the wheels, not of the engine."""
     p = make(5.0)
     x = plant.initial_state(p)[CHASSIS]
+    x[two_track.COMPLIANCE : two_track.COMPLIANCE + 2] = 0.0  # without toe, all forces ahead are at the wheel centres
     dx, out, _ = code(p, x, u=inputs(1, throttle=1.0, coast=1.0)[0])
     F = each(out, "force_x")
     shaft = (D.I_w * dx[OMEGA:KAPPA] - each(out, "road_torque"))[:2].sum()
@@ -459,7 +460,7 @@ def test_loads_carry_weight_and_lift(v):
 def circle():
     """The car settled on a circle at 4 m/s2 and 80 km/h."""
     p = make(80.0 * KPH)
-    record, state = run(p, ramp(0.635, 30_000, 2.0), last=True)
+    record, state = run(p, ramp(0.67, 30_000, 2.0), last=True)
     return p, record[0], state[CHASSIS]
 
 
@@ -507,7 +508,8 @@ def test_pitch_under_drive_and_braking_by_closed_form(pedal, throttle):
     np.testing.assert_allclose(gain + lift, [transfer, -transfer], rtol=0.03)
     up = CAR.strut.solve(0.0, x[TRAVEL]).per_travel
     taken = up.wheel_centre[0] * X[0] + up.rotation[1] * pedal * p.chassis.brakes.front  # by one front strut's path
-    travel = (0.5 * gain + [taken, 0.0]) / RATES
+    jacked = up.contact[1] * each(out, "force_y")[0]  # drive gives way to toe-in, against which the tyres push
+    travel = (0.5 * gain + [taken + jacked, 0.0]) / RATES
     sunk = travel + 0.5 * gain / D.K_t
 
     assert phi == pytest.approx((sunk[0] - sunk[1]) / L, rel=0.04)
@@ -659,7 +661,15 @@ def test_braked_weave_against_scipy():
     for name, i in CHANNEL.items():
         assert largest[0][i] <= {"friction_torque": 1.0, "motor_torque": STEEP}.get(name, 0.03), name
         # in slips, at 1e-5, the pedal's steps from row to row show, which the continuous brake torque does not smooth
-        if rms[0][i] > 1.1e-5 and name not in ("friction_torque", "handwheel_torque", "column_speed"):
+        # and in the toe, to which each wheel gives way under its brake
+        steep = (
+            "friction_torque",
+            "handwheel_torque",
+            "column_speed",
+            "road_wheel_angle_left",
+            "road_wheel_angle_right",
+        )
+        if rms[0][i] > 1.1e-5 and name not in steep:
             assert math.log2(rms[0][i] / rms[2][i]) / 2.0 > 1.8, name
 
 
