@@ -394,7 +394,8 @@ def test_engine_speeding_up_is_carried_by_the_body():
     """In first gear at full throttle the body receives the opposite of the torque of the wheels, not of the engine."""
     p = make(5.0)
     x = plant.initial_state(p)[CHASSIS]
-    x[two_track.COMPLIANCE : two_track.COMPLIANCE + 2] = 0.0  # without toe, all forces ahead are at the wheel centres
+    # Without toe and what it does to the tyres, all forces ahead are at the wheel centres.
+    x[two_track.COMPLIANCE : two_track.COMPLIANCE + 2], x[TAN_ALPHA:BORE_ANGLE] = 0.0, 0.0
     dx, out, _ = code(p, x, u=inputs(1, throttle=1.0, coast=1.0)[0])
     F = each(out, "force_x")
     shaft = (D.I_w * dx[OMEGA:KAPPA] - each(out, "road_torque"))[:2].sum()
