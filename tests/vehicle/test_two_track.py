@@ -514,7 +514,7 @@ def test_pitch_under_drive_and_braking_by_closed_form(pedal, throttle):
     sunk = travel + 0.5 * gain / D.K_t
 
     assert phi == pytest.approx((sunk[0] - sunk[1]) / L, rel=0.04)
-    assert np.sign(taken) == -np.sign(gain[0]) if pedal else abs(taken) < 0.02 * abs(gain[0])
+    assert np.sign(taken) == -np.sign(gain[0]) if pedal else abs(taken) < 0.03 * abs(gain[0])
 
 
 def derivatives():
@@ -661,16 +661,11 @@ def test_braked_weave_against_scipy():
     largest, rms = errors(p, u, (1, 2, 4), state)
     for name, i in CHANNEL.items():
         assert largest[0][i] <= {"friction_torque": 1.0, "motor_torque": STEEP}.get(name, 0.03), name
-        # in slips, at 1e-5, the pedal's steps from row to row show, which the continuous brake torque does not smooth
-        # and in the toe, to which each wheel gives way under its brake
-        steep = (
-            "friction_torque",
-            "handwheel_torque",
-            "column_speed",
-            "road_wheel_angle_left",
-            "road_wheel_angle_right",
-        )
-        if rms[0][i] > 1.1e-5 and name not in steep:
+        # in slips, at 1e-5, the pedal's steps from row to row show, which the continuous brake torque does not smooth, and
+        # so in the toe of the front wheels, which gives way to their brakes
+        if name.startswith("road_wheel_angle") or name.endswith(("front_left", "front_right")):
+            assert max(rms[k][i] for k in range(3)) < 1e-4, name
+        elif rms[0][i] > 1.1e-5 and name not in ("friction_torque", "handwheel_torque", "column_speed"):
             assert math.log2(rms[0][i] / rms[2][i]) / 2.0 > 1.8, name
 
 
