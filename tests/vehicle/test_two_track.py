@@ -661,8 +661,8 @@ def test_braked_weave_against_scipy():
     largest, rms = errors(p, u, (1, 2, 4), state)
     for name, i in CHANNEL.items():
         assert largest[0][i] <= {"friction_torque": 1.0, "motor_torque": STEEP}.get(name, 0.03), name
-        # in slips, at 1e-5, the pedal's steps from row to row show, which the continuous brake torque does not smooth, and
-        # so in the toe of the front wheels, which gives way to their brakes
+        # in slips, at 1e-5, the pedal's steps from row to row show, which the continuous brake torque does not smooth;
+        # so they do in the toe of the front wheels, which gives way to their brakes
         if name.startswith("road_wheel_angle") or name.endswith(("front_left", "front_right")):
             assert max(rms[k][i] for k in range(3)) < 1e-4, name
         elif rms[0][i] > 1.1e-5 and name not in ("friction_torque", "handwheel_torque", "column_speed"):
