@@ -39,7 +39,7 @@ def test_s2_as_the_pages_tell_it():
     strut = MacPherson.load("s2")
     pose, (inner, outer) = strut.straight, strut.solve_pair(0.064, 0.0, 0.0)
     angles = (pose.caster, pose.kingpin_inclination, inner.steer_angle, outer.steer_angle)
-    assert np.degrees(angles) == pytest.approx([2.50, 13.60, 37.50, 30.24], abs=0.005)
+    assert np.degrees(angles) == pytest.approx([2.50, 13.60, 37.42, 30.20], abs=0.005)
     assert 1e3 * np.array([pose.trail, pose.scrub]) == pytest.approx([27.5, 7.5], abs=0.05)
 
 
