@@ -31,7 +31,7 @@ def without(section, key):
 
 def test_steering_ratio_and_arm():
     """43.1 mm of rack per turn on a 6.86 mm pinion; 0.4986 deg/mm is an arm of 114.9 mm, and 114.9/6.86 is 16.75."""
-    assert CAR.steering_ratio() == pytest.approx(16.75, abs=0.01)
+    assert CAR.steering_ratio() == pytest.approx(17.22, abs=0.01)
     per_metre = float(CAR.strut.solve(0.0, 0.0).per_rack.rotation[2])
     assert math.degrees(per_metre) / 1e3 == pytest.approx(0.4851, abs=1e-4)
     assert 1.0 / per_metre == pytest.approx(0.1181, abs=1e-4)
