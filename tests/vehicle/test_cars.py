@@ -31,10 +31,10 @@ def without(section, key):
 
 def test_steering_ratio_and_arm():
     """43.1 mm of rack per turn on a 6.86 mm pinion; 0.4986 deg/mm is an arm of 114.9 mm, and 114.9/6.86 is 16.75."""
-    assert CAR.steering_ratio() == pytest.approx(16.75, abs=0.01)
+    assert CAR.steering_ratio() == pytest.approx(17.22, abs=0.01)
     per_metre = float(CAR.strut.solve(0.0, 0.0).per_rack.rotation[2])
-    assert math.degrees(per_metre) / 1e3 == pytest.approx(0.4986, abs=1e-4)
-    assert 1.0 / per_metre == pytest.approx(0.1149, abs=1e-4)
+    assert math.degrees(per_metre) / 1e3 == pytest.approx(0.4851, abs=1e-4)
+    assert 1.0 / per_metre == pytest.approx(0.1181, abs=1e-4)
     assert 2.0 * math.pi * CAR.steering["pinion_radius"] == pytest.approx(0.0431, abs=1e-4)
 
 
@@ -42,15 +42,15 @@ def test_parameters_of_the_plant_by_hand():
     p = CAR.plant(speed=20.0, road_friction=0.5)
     c = p.chassis
     assert (c.v_x, c.mu, c.m, c.m_ur, c.a, c.b) == (20.0, 0.5, 1400.0, pytest.approx(75.0), 1.08, 1.62)
-    # the roll centre, 69 mm at a half track of 0.75 m, goes up with the track
-    assert c.h == pytest.approx(0.57 - (0.069 * 0.775 / 0.75 * 1.62 + 0.12 * 1.08) / 2.7, abs=1e-3)
+    # the roll centre, 65.5 mm at a half track of 0.75 m, goes up with the track
+    assert c.h == pytest.approx(0.57 - (0.0655 * 0.775 / 0.75 * 1.62 + 0.12 * 1.08) / 2.7, abs=1e-3)
     assert c.I_xr == pytest.approx(410.0 + 1245.0 * c.h**2)
     assert c.K_f == pytest.approx(0.5 * 23500.0 * 1.55**2 + 34000.0)
     assert c.K_r == pytest.approx(0.5 * 20000.0 * 1.54**2 + 8000.0)
     assert c.B_f == pytest.approx(34000.0 / 1.55)
     assert c.C_r == pytest.approx(0.5 * 1320.0 * 1.54**2)
     assert c.drag == pytest.approx(0.5 * 1.2 * 0.62)
-    assert c.K_rack == pytest.approx(25e3 / 0.1149**2, rel=2e-3)
+    assert c.K_rack == pytest.approx(25e3 / 0.1181**2, rel=2e-3)
     assert (c.stiffness_f, c.stiffness_r) == (1.6, 1.47)
     # rolling to the right lowers the left rear wheel in its arch by half the track per angle
     assert (c.roll_steer_r, c.roll_camber_r) == pytest.approx((0.065 * 0.77, 1.0 - 0.39 * 0.77))
@@ -253,7 +253,7 @@ def test_sections_of_column_and_assist_take_part_of_the_keys():
         (changed(None, assumed=[["mass"]]), "assumed must be a list of keys, got [['mass']]"),
         (changed("assist", bandwidth=-5.0), "assist.bandwidth must be finite and greater than 0"),
         (changed(None, tyre="slick"), "tyre must be "),
-        (changed(None, strut="s2"), "no strut named 's2'; packaged: s1"),
+        (changed(None, strut="s3"), "no strut named 's3'; packaged: s1, s2"),
         ("compact", "car must hold keys and values, got 'compact'"),
     ],
 )

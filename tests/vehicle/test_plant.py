@@ -297,11 +297,11 @@ def test_end_stops_hold(law, hand):
     assert np.abs(record[-2000:, CHANNEL["column_speed"]]).max() < 1e-6
     last = dict(zip(CHANNEL, record[-1]))
     push = (abs(hand) + abs(last["motor_torque"])) / p.pinion_radius
-    # The wheels and the friction have up to 1.2 kN at the rack; it arrives with some speed.
-    assert beyond[-1] == pytest.approx(push / plant.STOP_STIFFNESS, abs=1.2e3 / plant.STOP_STIFFNESS)
+    # The wheels and the friction have up to 1.8 kN at the rack; it arrives with some speed.
+    assert beyond[-1] == pytest.approx(push / plant.STOP_STIFFNESS, abs=1.8e3 / plant.STOP_STIFFNESS)
     assert 0.0 < beyond[-1] <= beyond.max() < 1.4 * beyond[-1]
     held = p.pinion_radius * last["rack_force"] + last["friction_torque"]
-    assert last["torsion_bar_torque"] == pytest.approx(hand, rel=1e-6)
+    assert last["torsion_bar_torque"] == pytest.approx(hand, rel=3e-6)
     assert last["torsion_bar_torque"] + last["motor_torque"] == pytest.approx(held, rel=1e-6)
 
 

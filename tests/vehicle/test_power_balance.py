@@ -12,12 +12,12 @@ import pytest
 from steer_env import friction, manoeuvres
 from steer_env.manoeuvres.common.driving import run, run_closed
 from steer_env.vehicle import cars, plant
-from steer_env.vehicle.chassis import available, two_track
+from steer_env.vehicle.chassis import available
 from steer_env.vehicle.layout import layout_of
 from tests.by_law import FEW, pairs
 from tests.vehicle.test_two_track import CHASSIS, energy
 from tests.verification.common import power
-from tests.verification.common.two_track_power import energies, powers
+from tests.verification.common.two_track_power import at_tie_rods, energies, powers
 
 CAR = cars.load()
 KPH = 1.0 / 3.6
@@ -80,13 +80,13 @@ def test_chassis_power_on_two_tracks(name):
     at = layout_of(p)
     passed = passed[passed[:, at.steps] == 0.0]
     x, dx, out = passed[:, CHASSIS], passed[:, at.rate : at.rate_before], passed[:, at.outputs : at.outputs_before]
-    give = two_track.COMPLIANCE
-    rack = p.pinion_radius * passed[:, [2, 3]] - np.stack([x[:, give], dx[:, give]], -1)
+    rack, force = at_tie_rods(p.chassis.body[0], x, dx, p.pinion_radius * passed[:, [2, 3]])
     power_of = powers(p.chassis, p.strut, x, dx, out, rack)
-    total = sum(power_of.values()) + passed[:, at.rack_force] * rack[:, 1]
-    stored = sum(energies(p.chassis.body[0], p.strut, x, rack[:, 0]).values())
+    total = sum(power_of.values()) + (force * rack[..., 1]).sum(1)
+    stored = sum(energies(p.chassis.body[0], p.strut, x, rack[..., 0]).values())
     work = plant.CHASSIS_STEP * np.cumsum(0.5 * (total[1:] + total[:-1]))
     lost = -np.trapezoid(power_of["lateral slip"], dx=plant.CHASSIS_STEP)
     assert np.abs(work - (stored[1:] - stored[0])).max() < 2e-4 * lost
-    again = [energy(p, x[i], rack[i, 0] + x[i, give]) for i in (0, 1000, 2000)]
+    again = [energy(p, x[i], p.pinion_radius * passed[i, 2]) for i in (0, 1000, 2000)]
+    np.testing.assert_allclose(force.sum(1), passed[:, at.rack_force], rtol=1e-9, atol=1e-6)
     np.testing.assert_allclose(stored[[0, 1000, 2000]] - stored[0], np.subtract(again, again[0]), atol=1e-3)

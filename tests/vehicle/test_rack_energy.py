@@ -109,7 +109,7 @@ def test_rack_force_jumps_where_a_braked_wheel_locks():
         _, out, value = code(p, x, rack, 0.0, u)
         force.append(value)
     road = abs(out[OUT["road_torque_front_left"]] + 0.5 * out[OUT["front_drive_torque"]])
-    pose = CAR.strut.solve(rack, x[TRAVEL])
+    pose = CAR.strut.solve(rack - x[two_track.COMPLIANCE], x[TRAVEL])
     work, less = load_coefficients(pose), p.chassis.brakes.front - road
     expected = less / p.chassis.body[0].R_e * float(work.F_x_centre - work.F_x_contact)
     expected -= less * float(pose.per_travel.rotation[1] * work.F_z_centre)  # the wheel falls as its anti-dive is lost

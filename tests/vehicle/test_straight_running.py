@@ -56,6 +56,8 @@ def test_left_equals_right_to_the_bit(speed):
     ):
         front_left, front_right, rear_left, rear_right = x[first : first + 4]
         assert (front_left, rear_left) == (sign * front_right, sign * rear_right)
+    left, right = x[two_track.COMPLIANCE : two_track.COMPLIANCE + 2]
+    assert left == -right
     assert not begun[layout_of(p).rack_force]
 
 

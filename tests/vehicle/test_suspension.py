@@ -34,6 +34,15 @@ def test_the_printed_table_of_s1_to_its_last_digit(name):
     assert found == STRUT_S1_DEVIATIONS.get(name, STRUT_S1[name])
 
 
+def test_s2_as_the_pages_tell_it():
+    """Caster, king-pin inclination [deg], trail, scrub [mm], and both wheels with the rack at 64 mm [deg]."""
+    strut = MacPherson.load("s2")
+    pose, (inner, outer) = strut.straight, strut.solve_pair(0.064, 0.0, 0.0)
+    angles = (pose.caster, pose.kingpin_inclination, inner.steer_angle, outer.steer_angle)
+    assert np.degrees(angles) == pytest.approx([2.50, 13.60, 37.42, 30.20], abs=0.005)
+    assert 1e3 * np.array([pose.trail, pose.scrub]) == pytest.approx([27.5, 7.5], abs=0.05)
+
+
 def test_design_pose_is_that_of_the_hard_points():
     pose = STRUT.solve(0.0, 0.0)
     assert abs(pose.toe) < 1e-15

@@ -43,7 +43,7 @@ from steer_env.vehicle.chassis.two_track import (
 )
 from steer_env.vehicle.constants import GRAVITY as G
 from steer_env.vehicle.plant import HAND, HAND_SPEED
-from steer_env.vehicle.suspension.macpherson import load_coefficients
+from steer_env.vehicle.suspension.macpherson import load_coefficients, mirrored
 from tests.by_law import EACH_LAW
 from tests.vehicle.test_plant import robot_angle, weave
 
@@ -167,6 +167,12 @@ def heading(steer):
     return math.cos(steer) * E_X + math.sin(steer) * E_Y, math.cos(steer) * E_Y - math.sin(steer) * E_X
 
 
+def front_poses(x, rack):
+    """The exact poses of both front wheels, each at the rack less its own compliance travel."""
+    left, right = rack - x[two_track.COMPLIANCE : two_track.COMPLIANCE + 2]
+    return CAR.strut.solve(left, x[TRAVEL]), mirrored(CAR.strut.solve(-right, x[TRAVEL + 1]))
+
+
 def wheels(p, x, rack, rack_rate, u):
     """Forces by vectors, exact strut and checked tyre: F, N about O on car and wheels, along travels, and the power.
 
@@ -176,7 +182,7 @@ def wheels(p, x, rack, rack_rate, u):
     d, R = p.chassis.body[0], axes(x)
     V, W = R @ x[:3], R @ x[3:6]
     ground = np.array([road.height(p.chassis.road, i % 2, x[two_track.DISTANCE] + AT[i, 0])[0] for i in range(4)])
-    poses = CAR.strut.solve_pair(rack - x[two_track.COMPLIANCE], x[TRAVEL], x[TRAVEL + 1])
+    poses = front_poses(x, rack)
     _, out, _ = code(p, x, rack, rack_rate, u)
     drive = 0.5 * np.repeat([out[OUT["front_drive_torque"]], out[OUT["rear_drive_torque"]]], 2)
     pedal = out[OUT["brake_pedal"]]
@@ -270,7 +276,7 @@ def energy(p, x, rack=0.0):
     kinetic += 0.5 * (M * x[TRAVEL_RATE:OMEGA]) @ (x[2] + x[3] * AT[:, 1] - x[4] * AT[:, 0])
     kinetic += 0.5 * d.I_w * (spins**2).sum()
     weight = d.m * (d.g_x * x[two_track.X] + d.g_y * x[two_track.Y] + d.g_z * x[two_track.Z]) + d.g_z * M @ s
-    poses = CAR.strut.solve_pair(rack - x[two_track.COMPLIANCE], s[0], s[1])
+    poses = front_poses(x, rack)
     length = np.array([float(CAR.strut.solve(0.0, 0.0).strut_length - pose.strut_length) for pose in poses])
     springs = (d.S_f * length + 0.5 * d.K_f * length**2).sum() + (d.S_r * s[2:] + 0.5 * d.K_r * s[2:] ** 2).sum()
     bars = 0.5 * (d.B_f * (s[0] - s[1]) ** 2 + d.B_r * (s[2] - s[3]) ** 2)
@@ -388,6 +394,8 @@ def test_engine_speeding_up_is_carried_by_the_body():
     """In first gear at full throttle the body receives the opposite of the torque of the wheels, not of the engine."""
     p = make(5.0)
     x = plant.initial_state(p)[CHASSIS]
+    # Without toe and what it does to the tyres, all forces ahead are at the wheel centres.
+    x[two_track.COMPLIANCE : two_track.COMPLIANCE + 2], x[TAN_ALPHA:BORE_ANGLE] = 0.0, 0.0
     dx, out, _ = code(p, x, u=inputs(1, throttle=1.0, coast=1.0)[0])
     F = each(out, "force_x")
     shaft = (D.I_w * dx[OMEGA:KAPPA] - each(out, "road_torque"))[:2].sum()
@@ -453,7 +461,7 @@ def test_loads_carry_weight_and_lift(v):
 def circle():
     """The car settled on a circle at 4 m/s2 and 80 km/h."""
     p = make(80.0 * KPH)
-    record, state = run(p, ramp(0.635, 30_000, 2.0), last=True)
+    record, state = run(p, ramp(0.67, 30_000, 2.0), last=True)
     return p, record[0], state[CHASSIS]
 
 
@@ -501,11 +509,12 @@ def test_pitch_under_drive_and_braking_by_closed_form(pedal, throttle):
     np.testing.assert_allclose(gain + lift, [transfer, -transfer], rtol=0.03)
     up = CAR.strut.solve(0.0, x[TRAVEL]).per_travel
     taken = up.wheel_centre[0] * X[0] + up.rotation[1] * pedal * p.chassis.brakes.front  # by one front strut's path
-    travel = (0.5 * gain + [taken, 0.0]) / RATES
+    jacked = up.contact[1] * each(out, "force_y")[0]  # drive gives way to toe-in, against which the tyres push
+    travel = (0.5 * gain + [taken + jacked, 0.0]) / RATES
     sunk = travel + 0.5 * gain / D.K_t
 
     assert phi == pytest.approx((sunk[0] - sunk[1]) / L, rel=0.04)
-    assert np.sign(taken) == -np.sign(gain[0]) if pedal else abs(taken) < 0.02 * abs(gain[0])
+    assert np.sign(taken) == -np.sign(gain[0]) if pedal else abs(taken) < 0.03 * abs(gain[0])
 
 
 def derivatives():
@@ -652,8 +661,11 @@ def test_braked_weave_against_scipy():
     largest, rms = errors(p, u, (1, 2, 4), state)
     for name, i in CHANNEL.items():
         assert largest[0][i] <= {"friction_torque": 1.0, "motor_torque": STEEP}.get(name, 0.03), name
-        # in slips, at 1e-5, the pedal's steps from row to row show, which the continuous brake torque does not smooth
-        if rms[0][i] > 1.1e-5 and name not in ("friction_torque", "handwheel_torque", "column_speed"):
+        # in slips, at 1e-5, the pedal's steps from row to row show, which the continuous brake torque does not smooth;
+        # so they do in the toe of the front wheels, which gives way to their brakes
+        if name.startswith("road_wheel_angle") or name.endswith(("front_left", "front_right")):
+            assert max(rms[k][i] for k in range(3)) < 1e-4, name
+        elif rms[0][i] > 1.1e-5 and name not in ("friction_torque", "handwheel_torque", "column_speed"):
             assert math.log2(rms[0][i] / rms[2][i]) / 2.0 > 1.8, name
 
 

@@ -15,7 +15,7 @@ from steer_env.vehicle.constants import GRAVITY
 from steer_env.vehicle.layout import layout_of
 from tests.verification.common import power
 from tests.verification.common.rows import Row, at_most
-from tests.verification.common.two_track_power import energies, powers
+from tests.verification.common.two_track_power import at_tie_rods, energies, powers
 
 Array = NDArray[np.float64]
 
@@ -120,7 +120,9 @@ def _parked_two_track(car: cars.Car, rack: Array) -> tuple[Array, float]:
         left_over(y)
         force.append(_rack_force(p, x, q)[1])
         settled.append(x.copy())
-    stored = np.sum(list(energies(p.chassis.body[0], p.strut, np.array(settled), rack).values()), axis=0)
+    stored = np.sum(
+        list(energies(p.chassis.body[0], p.strut, np.array(settled), np.stack([rack, rack], -1)).values()), axis=0
+    )
     return np.array(force), float(stored[-1] - stored[0])
 
 
@@ -133,12 +135,11 @@ def _work_on_two_tracks(car: cars.Car, speed: float, u: Array) -> dict[str, floa
     x, dx, out = (
         passed[:, a:b] for a, b in ((at.chassis, at.rate), (at.rate, at.rate_before), (at.outputs, at.outputs_before))
     )
-    give = two_track.COMPLIANCE
-    rack = p.pinion_radius * passed[:, [2, 3]] - np.stack([x[:, give], dx[:, give]], -1)
-    rate = {"rack": passed[:, at.rack_force] * rack[:, 1], **powers(p.chassis, p.strut, x, dx, out, rack)}
+    rack, force = at_tie_rods(p.chassis.body[0], x, dx, p.pinion_radius * passed[:, [2, 3]])
+    rate = {"rack": (force * rack[..., 1]).sum(1), **powers(p.chassis, p.strut, x, dx, out, rack)}
     work = {name: float(np.trapezoid(value, dx=plant.CHASSIS_STEP)) for name, value in rate.items()}
     change = {
         f"change of {name}": float(e[-1] - e[0])
-        for name, e in energies(p.chassis.body[0], p.strut, x, rack[:, 0]).items()
+        for name, e in energies(p.chassis.body[0], p.strut, x, rack[..., 0]).items()
     }
     return {**work, **change, "rest": sum(work.values()) - sum(change.values())}

@@ -35,6 +35,7 @@ from steer_env.vehicle.suspension import kinematics_table
 from steer_env.vehicle.suspension.macpherson import MacPherson
 
 DATA = Path(__file__).parents[1] / "data" / "cars"
+PRESSED = 0.006  # rack travel beyond the limit that the end stop gives way under 12 kN [m]
 
 
 def from_data(data: dict[str, Any]) -> Car:
@@ -77,11 +78,21 @@ def _checked(data: dict[str, Any]) -> Car:
         **{section: _constructed(section, data[section]) for section in CONSTRUCTORS},
         tyre=_tyre(data["tyre"]),
         strut=strut,
-        kinematics_table=kinematics_table.build(strut),
+        kinematics_table=_kinematics(strut, steering["rack_limit"]),
         given=copy.deepcopy({**data, "tyre": None}),
     )
     contradictions.check(car)
     return car
+
+
+def _kinematics(strut: MacPherson, rack_limit: float) -> kinematics_table.KinematicsTable:
+    """The table of a strut as far as the rack goes when it is pressed against its stop."""
+    try:
+        return kinematics_table.build(strut, rack=rack_limit + PRESSED)
+    except ValueError as error:
+        raise ValueError(
+            f"steering.rack_limit must leave the strut {1e3 * PRESSED:g} mm beyond it, got {rack_limit:g}: {error}"
+        ) from None
 
 
 def _at_column(data: dict[str, Any], pinion_radius: float) -> dict[str, Any]:

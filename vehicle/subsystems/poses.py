@@ -11,7 +11,7 @@ import numpy as np
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.friction.numerics.packing import at_addresses
 from steer_env.vehicle.chassis.common.interface import per_wheel
-from steer_env.vehicle.chassis.two_track import CHANNELS, COMPLIANCE, YAW, TwoTrack, X, Y, Z
+from steer_env.vehicle.chassis.two_track import CHANNELS, YAW, TwoTrack, X, Y, Z
 from steer_env.vehicle.chassis.two_track.rotation import rotation, to_road
 from steer_env.vehicle.chassis.two_track.suspension import carriers, per_axle, sides
 from steer_env.vehicle.layout import layout
@@ -48,7 +48,7 @@ def _fill(p, state, row):
     at = layout(p)
     x, d = state[at.chassis : at.rate], p.chassis.body[0]
     frame = rotation(x)
-    wheels = carriers(d, p.strut, p.pinion_radius * state[COLUMN_ANGLE] - x[COMPLIANCE], 0.0, 0.0, x)
+    wheels = carriers(d, p.strut, p.pinion_radius * state[COLUMN_ANGLE], 0.0, 0.0, x)
     y_i = sides() * per_axle(0.5 * d.t_f, 0.5 * d.t_r)
     r_x, r_y, r_z = to_road(frame, per_axle(d.a, -d.b), y_i, d.R_l - d.h + wheels.travel)
     k = row.size - _SIZE

@@ -172,13 +172,15 @@ def test_poses_of_the_wheels_are_those_of_a_rigid_body_and_the_exact_strut(tmp_p
     body = rotations(2, yaw) @ rotations(1, pitch) @ rotations(0, roll)
     origin = np.stack([at["x"], at["y"], at["height"]], -1)
     assert np.array_equal(origin[0, :2], [0.0, 0.0])
-    # Rack travel less that of the compliance, from the angle of the left wheel by Newton's method.
+    # Rack travel less that of the compliance of each wheel, from the angle of the wheel by Newton's method.
     travel = [at[f"travel_{wheel}"] for wheel in two_track.WHEELS]
-    rack = p.pinion_radius * at["column_angle"]
-    for _ in range(4):
-        pose = car.strut.solve(rack, travel[0])
-        rack = rack + (at["road_wheel_angle_left"] - pose.steer_angle) / pose.per_rack.rotation[..., 2]
-    struts = car.strut.solve_pair(rack, travel[0], travel[1])
+    struts = []
+    for i, side in enumerate(("left", "right")):
+        rack = p.pinion_radius * at["column_angle"]
+        for _ in range(4):
+            pose = car.strut.solve_pair(rack, travel[0], travel[1])[i]
+            rack = rack + (at[f"road_wheel_angle_{side}"] - pose.steer_angle) / pose.per_rack.rotation[..., 2]
+        struts.append(car.strut.solve_pair(rack, travel[0], travel[1])[i])
     for i, wheel in enumerate(two_track.WHEELS):
         side = -1.0 if i % 2 else 1.0
         centre = [d.a, 0.5 * side * d.t_f] if i < 2 else [-d.b, 0.5 * side * d.t_r]

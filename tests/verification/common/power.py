@@ -15,6 +15,7 @@ from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 Array = NDArray[np.float64]
 
+COMPLIANCE = {"compliance_travel", "compliance_travel_left", "compliance_travel_right"}
 GIVEN = ("hand", "motor")  # the terms of :func:`steering` that give work; the others take it
 
 
@@ -66,7 +67,8 @@ def steering(p: plant.Plant, record: Array, passed: Array) -> dict[str, Array]:
         return coefficient * np.diff(x) ** 2 / SAMPLE_TIME
 
     angle, column = channel("handwheel_angle"), channel("column_angle")
-    give = passed[:, [name for name, _ in states(p)].index("compliance_travel")]
+    # On two tracks the mean of both wheels. What their difference stores and loses the wheels give, not the rack.
+    give = passed[:, [name in COMPLIANCE for name, _ in states(p)]].mean(1)
     hand = channel("handwheel_torque")
     held = p.robot == 0.0 and p.column.K_arm == 0.0  # a given torque holds over its sample
     kinetic = c.I1 * channel("handwheel_speed") ** 2 + c.I2 * channel("column_speed") ** 2

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.vehicle.chassis.two_track.layout import (
+    COMPLIANCE,
     F_X,
     F_Y,
     FORCE_Y,
@@ -57,7 +58,7 @@ def _places(d: Any, x: Array) -> tuple[Array, Array]:
 
 def _knuckles(strut: Any, x: Array, tie_rods: Array) -> tuple[Array, Array]:
     """``Knuckle`` and ``Travel`` of both front wheels, as left wheels: (N, 2, 8), (N, 2, 6)."""
-    places = [((q, s[0]), (-q, s[1])) for q, s in zip(tie_rods, x[:, TRAVEL : TRAVEL + 2])]
+    places = [((q[0], s[0]), (-q[1], s[1])) for q, s in zip(tie_rods, x[:, TRAVEL : TRAVEL + 2])]
     return tuple(  # type: ignore[return-value]
         np.array([[read(strut, *place) for place in pair] for pair in places])
         for read in (kinematics_table.left, kinematics_table.left_travel)
@@ -77,8 +78,8 @@ def energies(d: Any, strut: Any, x: Array, tie_rods: Array) -> dict[str, Array]:
     strut : kinematics_table.KinematicsTable
     x : (N, S) array
         States.
-    tie_rods : (N,) array
-        Rack coordinate less the travel of the steering compliance [m].
+    tie_rods : (N, 2) array
+        Rack coordinate less the compliance travel of the left and of the right wheel [m].
     """
     v, w, s, s_rate = x[:, U : U + 3], x[:, P : P + 3], x[:, TRAVEL : TRAVEL + 4], x[:, TRAVEL_RATE : TRAVEL_RATE + 4]
     r, m = _places(d, x)
@@ -104,6 +105,16 @@ def energies(d: Any, strut: Any, x: Array, tie_rods: Array) -> dict[str, Array]:
     }
 
 
+def at_tie_rods(d: Any, x: Array, dx: Array, rack: Array) -> tuple[Array, Array]:
+    """Rack coordinate at the left and the right tie rod and its rate (N, 2, 2), and the force on each (N, 2) [N].
+
+    ``rack`` (N, 2) holds the coordinate of the rack and its rate. The force is that of the spring with its lag (P6).
+    """
+    give, rate = x[:, COMPLIANCE : COMPLIANCE + 2], dx[:, COMPLIANCE : COMPLIANCE + 2]
+    force = 0.5 * d.K_rack * (give + d.T_rack * rate) + d.F_toe * SIDE[:2]
+    return rack[:, None, :] - np.stack([give, rate], -1), force
+
+
 def powers(p: Any, strut: Any, x: Array, dx: Array, out: Array, rack: Array) -> dict[str, Array]:
     """Power that acts on body and wheels, but for that of the rack, on a level road without wind (N,) [W].
 
@@ -113,8 +124,8 @@ def powers(p: Any, strut: Any, x: Array, dx: Array, out: Array, rack: Array) -> 
     strut : kinematics_table.KinematicsTable
     x, dx, out : (N, S), (N, S), (N, O) arrays
         States, their derivatives and the outputs of ``derivative``.
-    rack : (N, 2) array
-        Rack coordinate at the tie rods [m] and its rate [m/s].
+    rack : (N, 2, 2) array
+        Rack coordinate at the left and the right tie rod [m], and their rates [m/s].
 
     Returns
     -------
@@ -129,7 +140,7 @@ def powers(p: Any, strut: Any, x: Array, dx: Array, out: Array, rack: Array) -> 
         x[:, TRAVEL_RATE : TRAVEL_RATE + 4],
         x[:, OMEGA : OMEGA + 4],
     )
-    knuckle, up = _knuckles(strut, x, rack[:, 0])
+    knuckle, up = _knuckles(strut, x, rack[..., 0])
     V, W = (np.moveaxis(turn @ x[:, i : i + 3, None], 1, 0) for i in (U, P))  # each component (N, 1)
     C = np.moveaxis(r @ np.swapaxes(turn, 1, 2), 2, 0)  # wheel centres in the road frame, (3, N, 4)
     height = x[:, Z, None] + C[2]
@@ -168,5 +179,5 @@ def powers(p: Any, strut: Any, x: Array, dx: Array, out: Array, rack: Array) -> 
         "overturning moment": (M_x * (c * W[0] + s_ * W[1] + camber_gain * s_rate)).sum(1),
         "dampers": -(strut_rate**2) @ [d.C_f, d.C_f, d.C_r, d.C_r],
         "air": speed_2 * (heave - d.drag * np.abs(V[0][:, 0])),
-        "steering of the contacts": held.sum(1) * rack[:, 1],
+        "steering of the contacts": (held * rack[..., 1]).sum(1),
     }

@@ -59,7 +59,7 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
     body = motion(frame, x)
     axles = torques_of_axles(p, x, u, dx, out)
 
-    wheels = carriers(d, strut, rack - x[COMPLIANCE], rack_rate, body.W_z, x)
+    wheels = carriers(d, strut, rack, rack_rate, body.W_z, x)
     ground = contact(p, frame, body, wheels, x)
     omega, steer = load(x, OMEGA), wheels.steer_angle
     slip = slip_speeds(d, ground, steer, omega)
@@ -72,13 +72,14 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
 
     torques = wheel_torques(d, axles, forces, omega)
     lifting = forces_on_body(d, frame, x, wheels, ground, slip, forces, torques, out)
-    force = rack_force(d, wheels, ground, forces, torques, lifting)
+    left, right = rack_force(d, wheels, ground, forces, torques, lifting)
     engine = wheel_accelerations(p, x, torques, dx, out)
 
     total = external_load(d, frame, body, u, ground.F_z, engine, out)
     accelerations(d, less_gyroscopic(d, x, total, omega), out, dx)
     kinematics(frame, body, x, dx)
-    dx[COMPLIANCE] = (force / d.K_rack - x[COMPLIANCE]) / d.T_rack  # (P3)
+    dx[COMPLIANCE] = (2.0 * (left - d.F_toe) / d.K_rack - x[COMPLIANCE]) / d.T_rack  # (P6)
+    dx[COMPLIANCE + 1] = (2.0 * (right + d.F_toe) / d.K_rack - x[COMPLIANCE + 1]) / d.T_rack  # (P6)
     dx[GEAR] = dx[SHIFT_TIME] = 0.0  # the gear changes in the step, not in the derivative
 
     out[STEER_LEFT], out[STEER_RIGHT], _, _ = unpack(steer)
@@ -86,4 +87,4 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
     store(out, F_X, forces.F_x)
     store(out, F_Y, forces.F_y)
     store(out, M_Z, forces.M_z)
-    return force
+    return left + right

@@ -106,6 +106,7 @@ def _body(car: CarData, v_x: float, mu: float, ground: road.Road) -> Body:
         compliance_steer_r=c["rear_lateral_compliance"],
         contact_y_r=2.0 * c["rear_roll_centre"] / c["rear_track"],
         K_rack=car.rack_stiffness(),
+        F_toe=_toe_force(car, F_zf, m_f * GRAVITY),
         T_rack=c["compliance_time"],
         sigma_x=tyres.longitudinal_relaxation_length,
         sigma_y=tyres.relaxation_length,
@@ -122,3 +123,9 @@ def _body(car: CarData, v_x: float, mu: float, ground: road.Road) -> Body:
         lift_f=0.5 * AIR_DENSITY * c["front_lift_area"],
         lift_r=0.5 * AIR_DENSITY * c["rear_lift_area"],
     )
+
+
+def _toe_force(car: CarData, load: float, weight: float) -> float:
+    """Force on the rack of the left wheel of the standing car, by its load and its weight beside the strut [N]."""
+    lift = car.strut.straight.at_fixed_strut()
+    return float(weight * lift.wheel_centre[2] - load * lift.contact[2])  # (S7), (S9)

@@ -21,16 +21,17 @@ STATES = (
     *per_wheel("kappa", "1"),
     *per_wheel("tan_alpha", "1"),
     *per_wheel("bore_angle", "rad"),  # memory of the bore friction
-    ("compliance_travel", "m"),
+    ("compliance_travel_left", "m"),
+    ("compliance_travel_right", "m"),
     ("speed_hold_integral", "m/s2"),
     ("distance", "m"),
     ("gear", "1"),
     ("shift_time_left", "s"),
 )
-# Positions of the states; of a quantity that each wheel has, the position of the front left wheel.
+# Positions of the states; of a quantity that each wheel or each front wheel has, that of the front left wheel.
 U, V, W, P, Q, R, ROLL, PITCH, YAW, X, Y, Z, TRAVEL = range(13)
 TRAVEL_RATE, OMEGA, KAPPA, TAN_ALPHA, BORE_ANGLE, COMPLIANCE = range(16, 37, 4)
-INTEGRAL, DISTANCE, GEAR, SHIFT_TIME = range(COMPLIANCE + 1, COMPLIANCE + 5)
+INTEGRAL, DISTANCE, GEAR, SHIFT_TIME = range(COMPLIANCE + 2, COMPLIANCE + 6)
 
 OUTPUTS = (
     *COMMON_OUTPUTS,

@@ -8,6 +8,7 @@ from steer_env.vehicle.chassis.two_track.brakes import axle_step, brake_torques
 from steer_env.vehicle.chassis.two_track.drivetrain import shift
 from steer_env.vehicle.chassis.two_track.layout import (
     COMMON_SIZE,
+    COMPLIANCE,
     DRIVE,
     GEAR,
     INTEGRAL,
@@ -122,14 +123,18 @@ def _design(p, x):
         x[GEAR], _ = shift(p.drive, x[GEAR], 0.0, 0.2, omega, omega, 1.0)
 
 
-# Vertical balance, which is all that a standing car has; then that of a rolling one, the speed hold last.
+# Vertical balance and toe, which are all that a standing car has; then that of a rolling one, the speed hold last.
 _UNKNOWNS = Unknowns(
-    at=(PITCH, Z, TRAVEL, TRAVEL + 2, W, OMEGA, OMEGA + 2, KAPPA, KAPPA + 2, TAN_ALPHA, TAN_ALPHA + 2, INTEGRAL),
+    at=(
+        *(PITCH, Z, TRAVEL, TRAVEL + 2, COMPLIANCE, W, OMEGA, OMEGA + 2),
+        *(KAPPA, KAPPA + 2, TAN_ALPHA, TAN_ALPHA + 2, INTEGRAL),
+    ),
     mirrored=(
         PITCH,
         Z,
         TRAVEL + 1,
         TRAVEL + 3,
+        COMPLIANCE + 1,
         W,
         OMEGA + 1,
         OMEGA + 3,
@@ -139,15 +144,18 @@ _UNKNOWNS = Unknowns(
         TAN_ALPHA + 3,
         INTEGRAL,
     ),
-    signs=(1.0,) * 9 + (-1.0, -1.0, 1.0),
-    rates=(Q, W, TRAVEL_RATE, TRAVEL_RATE + 2, Z, OMEGA, OMEGA + 2, KAPPA, KAPPA + 2, TAN_ALPHA, TAN_ALPHA + 2, U),
+    signs=(1.0,) * 4 + (-1.0,) + (1.0,) * 5 + (-1.0, -1.0, 1.0),
+    rates=(
+        *(Q, W, TRAVEL_RATE, TRAVEL_RATE + 2, COMPLIANCE, Z, OMEGA, OMEGA + 2),
+        *(KAPPA, KAPPA + 2, TAN_ALPHA, TAN_ALPHA + 2, U),
+    ),
     mirrored_rates=(
-        *(Q, W, TRAVEL_RATE + 1, TRAVEL_RATE + 3, Z, OMEGA + 1, OMEGA + 3),
+        *(Q, W, TRAVEL_RATE + 1, TRAVEL_RATE + 3, COMPLIANCE + 1, Z, OMEGA + 1, OMEGA + 3),
         *(KAPPA + 1, KAPPA + 3, TAN_ALPHA + 1, TAN_ALPHA + 3, U),
     ),
-    steps=(1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-5, 1e-5, 1e-7, 1e-7, 1e-7, 1e-7, 1e-6),
+    steps=(1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-5, 1e-5, 1e-7, 1e-7, 1e-7, 1e-7, 1e-6),
 )
-_STANDING, _HOLDING = 4, 12
+_STANDING, _HOLDING = 5, 13
 STRAIGHT = 1e-9  # most sideward and angular acceleration of a car that runs straight [m/s2, rad/s2]
 
 

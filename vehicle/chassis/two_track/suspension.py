@@ -7,7 +7,7 @@ functions of the travel. A right strut is the mirror image of the left one.
 from typing import NamedTuple
 
 from steer_env.friction.numerics.kernel import kernel, part
-from steer_env.vehicle.chassis.two_track.layout import ROLL, TRAVEL, TRAVEL_RATE
+from steer_env.vehicle.chassis.two_track.layout import COMPLIANCE, ROLL, TRAVEL, TRAVEL_RATE
 from steer_env.vehicle.simd import copysign, fabs, load, maximum, pack, swap_sides, where
 from steer_env.vehicle.suspension import kinematics_table
 
@@ -57,17 +57,15 @@ def _stop_force(stiffness, clearance, s):
 
 
 @part
-def carriers(d, strut, tie_rods, rack_rate, W_z, x):
+def carriers(d, strut, rack, rack_rate, W_z, x):
     """Kinematics of the wheel carriers, and the forces of the suspension on them.
 
     Parameters
     ----------
     d : Body
     strut : kinematics_table.KinematicsTable
-    tie_rods : float
-        Rack coordinate less the travel of the steering compliance [m].
-    rack_rate : float
-        Rate of the rack coordinate [m/s].
+    rack, rack_rate : float
+        Rack coordinate [m] and its rate [m/s]; the tie rod of each wheel lags behind by its own compliance travel.
     W_z : float
         Angular velocity of the body about z, in the road frame [rad/s].
     x : (S,) array
@@ -76,7 +74,9 @@ def carriers(d, strut, tie_rods, rack_rate, W_z, x):
     side, front = sides(), pack(1.0, 1.0, 0.0, 0.0) > 0.0
     s, s_rate = load(x, TRAVEL), load(x, TRAVEL_RATE)
     travel_l, travel_r = x[TRAVEL], x[TRAVEL + 1]
-    left, right = kinematics_table.left(strut, tie_rods, travel_l), kinematics_table.left(strut, -tie_rods, travel_r)
+    # A right wheel is a left one at the opposite rack position.
+    rack_l, rack_r = rack - x[COMPLIANCE], x[COMPLIANCE + 1] - rack
+    left, right = kinematics_table.left(strut, rack_l, travel_l), kinematics_table.left(strut, rack_r, travel_r)
     knuckle = kinematics_table.Knuckle(
         steer_angle=front_only(left.steer_angle, right.steer_angle),
         inclination=front_only(left.inclination, right.inclination),
@@ -87,8 +87,8 @@ def carriers(d, strut, tie_rods, rack_rate, W_z, x):
         M_x=front_only(left.M_x, right.M_x),
         M_z=front_only(left.M_z, right.M_z),
     )
-    up_l = kinematics_table.left_travel(strut, tie_rods, travel_l)
-    up_r = kinematics_table.left_travel(strut, -tie_rods, travel_r)
+    up_l = kinematics_table.left_travel(strut, rack_l, travel_l)
+    up_r = kinematics_table.left_travel(strut, rack_r, travel_r)
     compression = where(front, front_only(up_l.compression, up_r.compression), s)
     compression_rate = pack(up_l.compression_rate, up_r.compression_rate, 1.0, 1.0)
 

@@ -114,7 +114,7 @@ def wheel_torques(d, axles, forces, omega):
 
 @part
 def rack_force(d, carriers, contact, forces, torques, lifting):
-    """Force of both front wheels on the rack, positive where it resists a left turn [N] (S7).
+    """Forces of the left and of the right front wheel on the rack, positive where they resist a left turn [N] (S7).
 
     ``lifting`` is the force of the road along the travel of each wheel. The unsprung mass, anti-roll bar and bump stop
     take the part of it that passes the strut.
@@ -133,7 +133,7 @@ def rack_force(d, carriers, contact, forces, torques, lifting):
             forces.M_z,
         )
     )
-    return left + right
+    return left, right
 
 
 @part
