@@ -35,7 +35,7 @@ def passes(car: Car, friction: Any, manoeuvre: manoeuvres.Manoeuvre) -> bool:
 
 def maximum_entry_speed(
     car: Car,
-    friction: Any = "lugre",
+    friction: Any = None,
     manoeuvre: str | manoeuvres.Manoeuvre = "double-lane-change",
     tolerance: float = 1.0 * KPH,
 ) -> float:

@@ -93,7 +93,7 @@ class EnvironmentBatch:
         task: Task,
         n: int,
         *,
-        friction: Any = "lugre",
+        friction: Any = None,
         speed: float | None = None,
         vehicle: str | Mapping[str, Any] = "compact",
         steering: str | None = None,
@@ -128,7 +128,9 @@ class EnvironmentBatch:
         if tyre is not None:
             self.car = self.car._replace(tyre=tyres.load(tyre))
         self.driver = drivers.resolve("preview" if driver is None else driver) if task.driver_in_loop else None
-        self._randomise = Randomise(randomise, friction, speed, self.car, LIMITS | {"speed": limits})
+        self._randomise = Randomise(
+            randomise, self.car.friction if friction is None else friction, speed, self.car, LIMITS | {"speed": limits}
+        )
         weights_of = _weights(task, weights)
 
         usual = self._randomise.usual

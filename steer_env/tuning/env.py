@@ -132,7 +132,7 @@ class TuneEnv(PlainSpecification, gym.Env):
     def __init__(
         self,
         *,
-        friction: Any = "lugre",
+        friction: Any = None,
         speed: float = SPEED,
         vehicle: str | Mapping[str, Any] = "compact",
         steering: str | None = None,
@@ -164,7 +164,9 @@ class TuneEnv(PlainSpecification, gym.Env):
         self._limits["speed"] = low, high = SPEEDS
         self._limits["road_friction"] = self.scenario.least_road_friction, LIMITS["road_friction"][1]
         self.speed = number("speed [m/s]", speed, minimum=low, maximum=high)
-        self._randomise = Randomise(randomise, friction, self.speed, self.car, self._limits)
+        self._randomise = Randomise(
+            randomise, self.car.friction if friction is None else friction, self.speed, self.car, self._limits
+        )
         self.targets = load_targets(targets)
         self.terms = reward.terms(self.scenario, self.targets, weights)
         self.detuning = number("detuning", detuning, minimum=0.0, maximum=1.0)

@@ -179,7 +179,7 @@ def pulse(p: Plant, torque: float = 3.0, duration: float = 0.3, time: float = 10
 
 def limit(
     car: Car,
-    law: Any = "lugre",
+    law: Any = None,
     chassis: str = "single_track",
     torque: float = 3.0,
     duration: float = 0.3,

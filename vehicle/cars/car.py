@@ -68,6 +68,11 @@ class Car(NamedTuple):
         """The kind of its steering: ``column_eps``, or the section of the car file that gives another one."""
         return kinds.named(self.given)
 
+    @property
+    def friction(self) -> str:
+        """Its friction where none is given: LuGre, split over the sites of its kind of steering."""
+        return f"lugre@{self.kind}"
+
     def __reduce__(self) -> tuple[Any, ...]:
         return rebuilt, (Car, *self)
 
@@ -86,7 +91,7 @@ class Car(NamedTuple):
 
     def plant(
         self,
-        friction: Any = "lugre",
+        friction: Any = None,
         speed: float = 100.0 / 3.6,
         robot: bool = False,
         road_friction: float = 1.0,
@@ -97,8 +102,8 @@ class Car(NamedTuple):
 
         Parameters
         ----------
-        friction : str or parameters
-            Name of a law, for its defaults, or parameters from ``friction.make``.
+        friction : str, mapping or parameters, optional
+            A law or sites, as :func:`steer_env.friction.resolve` takes them; by default its own (:attr:`friction`).
         speed : float
             Held speed, 3 to 70; with ``chassis="two_track"`` from 0 [m/s].
         robot : bool
@@ -123,7 +128,7 @@ class Car(NamedTuple):
         p = Plant(
             column=self.column,
             assist=self.assist,
-            friction=resolve(friction),
+            friction=resolve(self.friction if friction is None else friction),
             chassis=self.running(speed, road_friction, chassis, road),
             strut=self.kinematics_table,
             tyre=record(coefficients),

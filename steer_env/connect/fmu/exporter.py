@@ -36,7 +36,7 @@ def export(
     path: str | Path,
     *,
     subsystem: str = "car",
-    friction: Any = "lugre",
+    friction: Any = None,
     vehicle: Any = "compact",
     chassis: str = "single_track",
     speed: float = 100.0 / 3.6,

@@ -30,7 +30,7 @@ class Member(NamedTuple):
 def export_object(
     folder: str | Path,
     *,
-    friction: Any = "lugre",
+    friction: Any = None,
     vehicle: Any = "compact",
     speed: float = 100.0 / 3.6,
     robot: bool = False,

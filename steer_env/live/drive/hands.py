@@ -80,7 +80,7 @@ def arranged(names: Sequence[str], values: dict[str, float]) -> list[float]:
 def car_configuration(
     label: str,
     car: Car,
-    friction: Any = "lugre",
+    friction: Any = None,
     *,
     speed: float = 100.0 / 3.6,
     hands: str = "angle",

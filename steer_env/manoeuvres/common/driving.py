@@ -292,7 +292,7 @@ def _regripped(u: Array, angle: float, speed: float) -> Array:
     return u
 
 
-def drive(car: Car, manoeuvre: Manoeuvre, friction: Any = "lugre", simulator: Simulator = OWN) -> Recording:
+def drive(car: Car, manoeuvre: Manoeuvre, friction: Any = None, simulator: Simulator = OWN) -> Recording:
     """Drive a manoeuvre and record every channel at 1 kHz.
 
     Parameters
