@@ -290,6 +290,17 @@ def test_metrics_experiments_and_imports_leave_the_stamps(copy):
     assert run(STAMPS, EVERYTHING) == before
 
 
+EDITS = (
+    ("friction/law.py", "    return w, R - S * w", "    return 1.01 * w, R - S * w"),
+    ("vehicle/steering/eps.py", "    mean = (impulse + ", "    mean = 0.9 * (impulse + "),
+)
+
+
+@pytest.mark.parametrize(("file", "old", "new"), EDITS)
+def test_what_is_edited_is_one_line_of_the_kernel(file, old, new):
+    assert (ROOT / file).read_text().count(old) == 1
+
+
 @pytest.mark.whole
 def test_an_edited_metric_recompiles_nothing_and_an_edited_kernel_changes_the_result(copy):
     """Edits of a constant or a line, from the law up to the engine, of one checkout with one cache."""
@@ -300,10 +311,7 @@ def test_an_edited_metric_recompiles_nothing_and_an_edited_kernel_changes_the_re
         file.write_text(file.read_text() + "\nEDITED = True\n")
     assert run(STEPS, EVERYTHING) == [first, "0"]
     seen = {first}
-    for file, old, new in (
-        ("friction/law.py", "    return w, R - S * w", "    return 1.01 * w, R - S * w"),
-        ("vehicle/steering/eps.py", "    return (impulse + ", "    return 0.9 * (impulse + "),
-    ):
+    for file, old, new in EDITS:
         _edit(folder / file, old, new)
         result, compiled = run(STEPS)
         assert compiled == "1", file

@@ -210,10 +210,14 @@ def test_every_key_is_declared(section):
         assert set(known) == set(signature(sections.CONSTRUCTORS[section]).parameters)
 
 
+CURVE = {"motor_speeds": [0.0, 100.0], "motor_torques": [1000.0, 0.0]}  # which the other limits of the motor need
+
+
 def accepts(section, key, value):
     try:
         if section in sections.CONSTRUCTORS:
-            sections.CONSTRUCTORS[section](**{key: value})
+            curve = CURVE if key.startswith("motor_") else {}
+            sections.CONSTRUCTORS[section](**curve | {key: value})
         else:
             sections.numbers(section, {key: value}, required=False)
     except ValueError:
