@@ -687,7 +687,7 @@ def varied(friction: Any, values: Mapping[str, float]) -> Any:
     Parameters
     ----------
     values : mapping
-        Parameters of the law; of sites ``SITE.PARAMETER``.
+        Parameters of the law; of sites ``SITE.PARAMETER``, or without ``SITE.`` where one law is given for all.
 
     Raises
     ------
@@ -700,7 +700,9 @@ def varied(friction: Any, values: Mapping[str, float]) -> Any:
         return laws.make(name, **{**given, **values})
     given = as_given(friction)
     for key, value in values.items():
-        site, _, name = str(key).partition(".")
+        site, dot, name = str(key).rpartition(".")
+        if not dot and len(given) == 1:
+            (site,) = given
         one_of("the site of friction", site, tuple(given))
         given[site][name] = value
     return make_sites(given)

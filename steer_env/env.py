@@ -24,10 +24,11 @@ class SteerEnv(PlainSpecification, gym.Env):
 
     Arguments
     ---------
-    friction : str, mapping or parameters, default "lugre"
-        The name of a law (``friction.available()``), for its default parameters; with parameters as text,
-        ``"lugre,F_c=1.2"``, or as a mapping, ``{"law": "lugre", "F_c": 1.2}``; a file with a fitted law,
-        ``"fitted.json"``; or parameters from ``friction.make``.
+    friction : str, mapping or parameters, optional
+        By default that of the car: LuGre, split over the sites of its steering. The name of a law
+        (``friction.available()``), which then sits at one site below the torsion bar; with parameters as text,
+        ``"lugre,F_c=1.2"``, or as a mapping, ``{"law": "lugre", "F_c": 1.2}``; sites as ``friction.resolve`` takes
+        them; a file with a fitted law, ``"fitted.json"``; or parameters from ``friction.make``.
     speed : float, optional
         Speed that is held [m/s]; the task's own by default, which is drawn at every reset where a task has a range. The
         task's documentation gives what is allowed.

@@ -16,8 +16,8 @@ import numpy as np
 
 from steer_env.episode.randomise import LIMITS, undrawn
 from steer_env.experiments.calibration import constraints
+from steer_env.friction import resolve
 from steer_env.friction.numerics.check import number
-from steer_env.friction.sites import resolve_one
 from steer_env.targets import Band, Targets
 from steer_env.tuning import driving, parameters
 from steer_env.tuning.env import SPEED
@@ -139,7 +139,7 @@ def conditions_of(load: float = LADEN) -> tuple[Condition, ...]:
 def make(
     car: Car,
     targets: Targets,
-    law: Any = "lugre",
+    law: Any = None,
     names: Sequence[str] = TUNED,
     load: float = LADEN,
     chassis: str = "single_track",
@@ -153,8 +153,8 @@ def make(
         Whose assist is the starting point.
     targets : Targets
         Their bands for the tests of ``TuneAllRound`` count.
-    law : str or parameters
-        Friction law at level 1.
+    law : str, mapping or parameters, optional
+        Friction at level 1, as :func:`steer_env.friction.resolve` takes it; by default that of the car.
     names : sequence of str
         Of the tuned parameters.
     load : float
@@ -184,7 +184,7 @@ def make(
     if not bands:
         raise ValueError(f"targets {targets.name!r} have no band for {', '.join(SCENARIO.tests)}: add one")
     _require_consistent(targets.name, bands)
-    resolved = resolve_one(law, "tuning")
+    resolved = resolve(car.friction if law is None else law)
     return Problem(car, resolved, bands, groups, chassis, speed, ranges_of(car.assist, names), conditions_of(load))
 
 

@@ -15,14 +15,13 @@ GROUP = "car"
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     car_options.add(parser)
-    options.add(parser, "--friction", ", at rest", "lugre")
+    options.add(parser, "--friction", ", at rest", otherwise=options.OF_CAR)
     options.add(parser, "--chassis", default="single_track", choices=names.chassis())
     options.add_page(parser, "of the page, replaced as a whole", "analyse")
 
 
 def run(args: argparse.Namespace) -> None:
     """Write the page, and print its verdict."""
-    from steer_env import friction
     from steer_env.experiments.pages import pages as page
     from steer_env.experiments.pages import provenance
     from steer_env.experiments.pages.options import progress
@@ -30,13 +29,13 @@ def run(args: argparse.Namespace) -> None:
 
     page.check(args.out, analysis.NAME)
     car = car_options.load(args)
+    law = options.friction(args, car)
     with progress("linearising") as notify:
-        results = analysis.collect(car, args.friction, args.chassis, notify)
+        results = analysis.collect(car, law, args.chassis, notify)
     found, data = analysis_page.build(results)
     print("\n".join(found.verdict))
-    law = friction.resolve(getattr(args.friction, "parameters", args.friction))
     words = _without_out(args.argv)
-    trace = provenance.trace(command=words, result=args.out.name, car=car, friction={results.law: law})
+    trace = provenance.trace(command=words, result=args.out.name, car=car, friction={law.label: law.parameters})
     print(page.write(args.out, found, data, trace))
 
 

@@ -12,7 +12,6 @@ from steer_env.experiments.cli.common import names, options
 from steer_env.experiments.pages import car_options
 
 GROUP = "car"
-LAWS_SHOWN = ("lugre", "masing")  # by --live
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -27,7 +26,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     text = "write index.html and car.json with the derived quantities, and print them"
     parser.add_argument("--page", action="store_true", help=text)
     options.add_page(parser, "of the page, replaced as a whole", otherwise="car_NAME")
-    options.add_live(parser, "the car with the laws LuGre and Masing")
+    options.add_live(parser, "the car with its own friction, and with LuGre and Masing")
     parser.set_defaults(vehicle=None)
 
 
@@ -55,13 +54,13 @@ def run(args: argparse.Namespace) -> None:
     from steer_env.experiments.pages import files, provenance
     from steer_env.experiments.pages.options import progress
     from steer_env.experiments.reports import car_page
-    from steer_env.friction import make
+    from steer_env.friction import resolve
 
     files.usable(out, car_page.CONTENTS)
     with progress("compiling and driving", None) as notify:
         notify(0.0, "compiling and driving")
         trace = provenance.trace(command=args.argv, result=out.name, car=car)
-        beside = live(car, {law: make(law) for law in LAWS_SHOWN}) if live else None
+        beside = live(car, {law: resolve(law) for law in (car.friction, "lugre", "masing")}) if live else None
         found = car_page.build(out, car, trace, beside)
     print_quantities(found, car.name)
     print(out / "index.html")

@@ -33,7 +33,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--device", metavar="NAME[,KEY=VALUE...]", default="keyboard", help=text)
     parser.add_argument("--list-devices", action="store_true", help="list the devices with their options, and end")
     text = f"; several make several configurations, which keys exchange; laws: {', '.join(names.laws())}"
-    options.add(parser, "--friction", text, otherwise="lugre", nargs="+", action="extend")
+    options.add(parser, "--friction", text, otherwise=options.OF_CAR, nargs="+", action="extend")
     car_options.add(parser)
     options.add(parser, "--chassis", default="two_track", choices=names.chassis())
     text = (
@@ -261,7 +261,7 @@ def _configurations(args: argparse.Namespace, hands: str) -> tuple[list[Any], li
     from steer_env.live.drive.hands import car_configuration
 
     wanted = []
-    laws = args.friction or [options.friction_law("lugre")]
+    laws = args.friction or [options.friction_law(car_options.load(args).friction)]
     labels = [law.label for law in laws]
     for law in laws:
         words = [law.label if labels.count(law.label) == 1 else law.given, *([args.tyre] if args.tyre else [])]

@@ -16,7 +16,8 @@ GROUP = "car"
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     text = "; here by name alone, or sites as LAW[,key=value...]@SITE, joined by +; the page begins with the first"
-    options.add(parser, "--friction", text, otherwise="five laws", nargs="+", action="extend")
+    usual = "that of the car, and five laws at one site"
+    options.add(parser, "--friction", text, otherwise=usual, nargs="+", action="extend")
     options.add(
         parser,
         "--chassis",
@@ -35,10 +36,9 @@ def run(args: argparse.Namespace) -> None:
     require("explore", "the page")
 
     from steer_env.experiments import explore
-    from steer_env.experiments.explore.writing import LAWS_SHOWN
     from steer_env.experiments.pages.options import progress
 
-    laws = [each.text for each in args.friction] if args.friction else LAWS_SHOWN
+    laws = [each.text for each in args.friction] if args.friction else None
     car = car_options.load(args)
     with progress("compiling") as notify:
         page = explore.explore(

@@ -43,7 +43,7 @@ def run(args: argparse.Namespace) -> None:
         path = fmu.export(
             args.out,
             subsystem=args.subsystem,
-            friction=args.friction.parameters,
+            friction=options.friction(args, car).parameters,
             vehicle=car.data(),
             chassis=args.chassis,
             speed=args.speed_kph * KPH,

@@ -11,7 +11,7 @@ GROUP = "couple"
 
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    options.add(parser, "--friction", default="lugre")
+    options.add(parser, "--friction", otherwise=options.OF_CAR)
     car_options.add(parser)
     options.add(parser, "--speed-kph", "of the vehicle at first, which is an input", 100.0)
     options.add(parser, "--hands", ", at first; the parameter robot", "torque", choices=("torque", "angle"))
@@ -24,10 +24,11 @@ def run(args: argparse.Namespace) -> None:
     from steer_env.experiments.pages import files
 
     files.usable(args.out)
+    car = car_options.load(args)
     folder = fmu.export_object(
         args.out,
-        friction=args.friction.parameters,
-        vehicle=car_options.load(args),
+        friction=options.friction(args, car).parameters,
+        vehicle=car,
         speed=args.speed_kph * KPH,
         robot=args.hands == "angle",
     )

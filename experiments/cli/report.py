@@ -15,7 +15,7 @@ COMPARED = ("lugre", "masing")  # the two laws that the literature compares, whi
 
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    every = f"all laws that differ by default, of {', '.join(names.laws())}"
+    every = f"that of the car, and all laws at one site that differ by default, of {', '.join(names.laws())}"
     options.add(parser, "--friction", otherwise=every, nargs="+", action="extend")
     car_options.add(parser)
     text = f": {options.EXTERNAL}, which drives every test in place of those of this project"
@@ -33,7 +33,8 @@ def run(args: argparse.Namespace) -> None:
 
     own = [name for name, law in LAWS.all().items() if not law.extends]
     every_law = sorted(own, key=lambda name: name not in COMPARED)
-    laws = args.friction or [Friction(name) for name in every_law]
+    car = car_options.load(args)
+    laws = args.friction or [Friction(name) for name in (car.friction, *every_law)]
     labels = [law.label for law in laws]
     for label in labels:
         if labels.count(label) > 1:
@@ -44,7 +45,6 @@ def run(args: argparse.Namespace) -> None:
         raise ValueError("--live shows the chassis of this project, not an external one: leave --chassis out")
     sweep = runner(args)
     look = {"full": args.full, "noticed": options.noticed(args)}
-    car = car_options.load(args)
 
     from steer_env.experiments.pages import provenance
     from steer_env.experiments.reports import report

@@ -17,6 +17,7 @@ from steer_env.experiments.pages import car_options
 from steer_env.experiments.pages.options import progress
 
 if TYPE_CHECKING:
+    from steer_env.experiments.pages.options import Friction
     from steer_env.manoeuvres import Manoeuvre
     from steer_env.metrics import Value
     from steer_env.vehicle.cars import Car
@@ -41,7 +42,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     known = *names.manoeuvres(), ALL
     parser.add_argument("manoeuvre", metavar="MANOEUVRE", choices=known, help=", ".join(known))
-    options.add(parser, "--friction", f"; laws: {', '.join(names.laws())}", "lugre")
+    options.add(parser, "--friction", f"; laws: {', '.join(names.laws())}", otherwise=options.OF_CAR)
     car_options.add(parser)
     text = "class of an ISO 8608 road, A to H, for two_track"
     parser.add_argument("--road", metavar="CLASS", choices=names.ROAD_CLASSES, help=text)
@@ -187,12 +188,13 @@ def drive(args: argparse.Namespace, manoeuvre: "Manoeuvre", out: Path) -> Run:
 
     car = car_options.load(args)
     rate = number("--rate-hz", args.rate_hz, minimum=20.0, maximum=FASTEST)
-    trace = _trace(args, manoeuvre.name, car, out)
+    law = options.friction(args, car)
+    trace = _trace(args, manoeuvre.name, car, law, out)
     if args.chassis in (None, *names.chassis()):
-        recording = manoeuvres.drive(car, manoeuvre, args.friction.parameters)
+        recording = manoeuvres.drive(car, manoeuvre, law.parameters)
     else:
         with external.opened(args.chassis, manoeuvre.speed) as simulator:
-            recording = manoeuvres.drive(car, manoeuvre, args.friction.parameters, simulator)
+            recording = manoeuvres.drive(car, manoeuvre, law.parameters, simulator)
     recording = replace(recording, meta={**recording.meta, "trace": trace})
     values = evaluate(recording) if manoeuvre.name in tests() else {}  # a manoeuvre may have no metrics
     if rate < FASTEST:
@@ -204,21 +206,21 @@ def drive(args: argparse.Namespace, manoeuvre: "Manoeuvre", out: Path) -> Run:
         {
             "metrics": entries(values),
             "meta": {key: value for key, value in recording.meta.items() if key != "trace" and not _nan(value)},
-            "friction": provenance.law(args.friction.parameters),
+            "friction": provenance.law(law.parameters),
             "versions": provenance.versions(),
             "trace": trace,
         },
     )
-    about = manoeuvre.name, args.friction.label, f"{car.name} on {car.tyre.name}", _chassis(args, manoeuvre)
+    about = manoeuvre.name, law.label, f"{car.name} on {car.tyre.name}", _chassis(args, manoeuvre)
     return Run(", ".join(about), values, out)
 
 
-def _trace(args: argparse.Namespace, manoeuvre: str, car: "Car", out: Path) -> dict[str, Any]:
+def _trace(args: argparse.Namespace, manoeuvre: str, car: "Car", law: "Friction", out: Path) -> dict[str, Any]:
     """What one recording is made from; of several manoeuvres that one command drives, its own."""
     from steer_env.experiments.pages import provenance
 
     command = [manoeuvre if word == ALL else word for word in args.argv]
-    laws = {args.friction.label: args.friction.parameters}
+    laws = {law.label: law.parameters}
     return provenance.trace(
         command=command, result=out.name, car=car, friction=laws, inputs=args.inputs, seed=args.seed
     )

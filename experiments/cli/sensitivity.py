@@ -19,7 +19,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     car_options.add(parser)
     options.add(parser, "--targets", default="compact")
-    options.add(parser, "--friction", default="lugre")
+    options.add(parser, "--friction", otherwise=options.OF_CAR)
     text = (
         ": of the assist by name, load, friction_level, road_friction, speed, friction.KEY of the law or "
         "friction.SITE.KEY of sites, SECTION.KEY of a car file; with a range as column.K_tb=100:180"
@@ -43,7 +43,7 @@ def run(args: argparse.Namespace) -> None:
     """Write the page, and print its verdict."""
     require("tune", "sensitivity", "SALib")
 
-    from steer_env import friction, targets
+    from steer_env import targets
     from steer_env.experiments.calibration import problem, screening, sensitivity, sensitivity_page
     from steer_env.experiments.pages import pages as page
     from steer_env.experiments.pages import provenance
@@ -52,17 +52,16 @@ def run(args: argparse.Namespace) -> None:
 
     page.check(args.out, sensitivity_page.NAME)
     sweep, wanted = runner(args), targets.load(args.targets)
-    given = getattr(args.friction, "text", args.friction)
-    car, law = car_options.load(args), friction.resolve(given)
-    given = given if isinstance(law, Sites) else law
+    car = car_options.load(args)
+    law = options.friction(args, car)
+    given = law.text if isinstance(law.parameters, Sites) else law.parameters
     factors = sensitivity.factors_of(car, given, [*(args.parameters or problem.USED), *args.also], args.span)
     design = screening.design(len(factors), args.method, args.samples or SAMPLES[args.method], args.seed)
     study = sensitivity.Study(car, given, args.chassis, factors)
-    label = getattr(args.friction, "label", args.friction)
     with progress("driving") as notify:
-        results = sensitivity.collect(study, wanted, label, design, sweep, notify)
+        results = sensitivity.collect(study, wanted, law.label, design, sweep, notify)
     found, data = sensitivity_page.build(results)
     print("\n".join(found.verdict))
     words = unswept(args, "--out")
-    trace = provenance.trace(command=words, result=args.out.name, car=car, friction={label: law})
+    trace = provenance.trace(command=words, result=args.out.name, car=car, friction={law.label: law.parameters})
     print(page.write(args.out, found, data, trace))

@@ -62,7 +62,9 @@ def run(args: argparse.Namespace) -> None:
     silence = number("--silence", args.silence, minimum=0.0, above=True, maximum=1e6)
     speed = args.speed_kph * KPH
     robot = args.hands == "angle"
-    p = car_options.load(args).plant(args.friction.parameters, speed, robot, args.road_friction, args.chassis)
+    car = car_options.load(args)
+    law = options.friction(args, car).parameters
+    p = car.plant(law, speed, robot, args.road_friction, args.chassis)
     subsystem = subsystems.make(args.subsystem, p, speed)
     if args.describe:
         sys.stdout.write(cosimulation.describe(cosimulation.layout_of(subsystem), args.describe))

@@ -27,7 +27,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     text = "in all sessions together, summed over the sub-environments; such a run can be repeated"
     options.add(length, "--steps", text, type=options.whole_number(1))
     options.add(parser, "--seed", otherwise=f"{kept} 0", type=options.whole_number(0, 2**32 - 1))
-    options.add(parser, "--friction", otherwise=f"{kept} lugre")
+    options.add(parser, "--friction", otherwise=f"{kept} {options.OF_CAR}")
     car_options.add(parser, default=None)
     text = "go on from the checkpoint in --out, with its settings"
     parser.add_argument("--resume", action="store_true", help=text)

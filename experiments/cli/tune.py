@@ -31,7 +31,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     car_options.add(parser)
     options.add(parser, "--targets", default="compact")
-    options.add(parser, "--friction", "; at friction scale 1", "lugre")
+    options.add(parser, "--friction", "; at friction scale 1", otherwise=options.OF_CAR)
     text = "added mass of the laden car [kg] (default: 300)"
     parser.add_argument("--load", metavar="KG", type=options.real, default=300.0, help=text)
     text = "boost, damping, lead, active return, handwheel damping, friction compensation"
@@ -76,7 +76,7 @@ def run(args: argparse.Namespace) -> None:
     files.usable(args.out, frozenset({*known, database.name} if database.parent == args.out else known))
     car = car_options.load(args)
     chosen = args.parameters or problem.TUNED
-    law = getattr(args.friction, "parameters", args.friction)
+    law = options.friction(args, car).parameters
     posed = problem.make(car, targets.load(args.targets), law, chosen, args.load, args.chassis)
     storage.require_whole(args.out / storage.JOURNAL, lambda text: print(f"steer-env tune: {text}", file=sys.stderr))
     run = functools.partial(sweep.run, where=where, modules=args.modules)

@@ -46,7 +46,7 @@ from steer_env.vehicle.subsystems.machine_code import require_compiled
 PAGE = Path(__file__).parent / "page"
 MODULES = "modules"
 CONTENTS = frozenset((*(file.name for file in PAGE.iterdir()), MODULES, policies.FOLDER, "declared.js", "tables.js"))
-LAWS_SHOWN = ("lugre", "masing", "dahl", "coulomb", "viscous")  # by default; each is compiled once
+LAWS_SHOWN = ("lugre", "masing", "dahl", "coulomb", "viscous")  # by default, after the friction of the car
 LARGE = 1000  # numbers from which on a table is written once for all modules
 # Parameters on which the stability of the assist's loop depends, and those that hands and friction need.
 _NAMED = ("column.", "assist.", "robot", "rack_limit", "pinion_radius", "friction_torque_scale")
@@ -75,7 +75,7 @@ def explore(
     folder: str | Path,
     *,
     vehicle: Any = "compact",
-    friction: Sequence[Any] = LAWS_SHOWN,
+    friction: Sequence[Any] | None = None,
     chassis: Sequence[str] = ("single_track", "two_track"),
     notify: Callable[[float, str], None] = lambda part, what: None,
 ) -> Path:
@@ -91,7 +91,7 @@ def explore(
         A car, or what makes one, as :func:`steer_env.vehicle.cars.load` takes it.
     friction : sequence
         Names of friction laws, or several sites in a form of :func:`steer_env.friction.sites.resolve`; the page begins
-        with the first.
+        with the first. By default the friction of the car, and five laws at one site.
     chassis : sequence of str
         Names of chassis; the page begins with the first.
     notify : callable
@@ -107,12 +107,12 @@ def explore(
     ValueError
         A bad value, kernels that are not compiled, or a missing package; the message tells what to do.
     """
-    laws = [_checked(each) for each in friction]
     for body in chassis:
         one_of("chassis", body, chassis_models.available())
+    car = vehicle if isinstance(vehicle, Car) else cars.load(vehicle)
+    laws = [_checked(each) for each in ((car.friction, *LAWS_SHOWN) if friction is None else friction)]
     if not laws or not chassis:
         raise ValueError("the page needs a friction law and a chassis")
-    car = vehicle if isinstance(vehicle, Car) else cars.load(vehicle)
     require_compiled("the page")
     files.usable(Path(folder), CONTENTS)
     wanted = [Combination(law, body) for body in dict.fromkeys(chassis) for law in dict.fromkeys(laws)]

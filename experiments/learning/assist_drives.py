@@ -105,6 +105,7 @@ def task_of(kind: str, home: Task) -> Task:
     return replace(tasks.task(of.task), action=home.action, **of.changes)
 
 
+OWN = "friction of the car"
 _PLAIN: dict[str, Mapping[str, float]] = {"as it is": {}}
 _LATE: dict[str, Mapping[str, float]] = {"20 ms more delay": {"delay": 0.02}}
 _DOUBLED: dict[str, Mapping[str, float]] = {"action doubled": {"action_gain": 2.0}}
@@ -143,15 +144,15 @@ def suite(home: Task, car: Car | None = None) -> list[Drive]:
 def _driving() -> list[Drive]:
     one = LEVELS[:1]
     drives = [
-        Drive("weave", "lugre", {}, _rows(WOVEN, LEVELS, _EVERY)),
-        Drive("arms", "lugre", {}, _rows(DRIVEN, one, _EVERY)),
-        Drive("release", "lugre", {}, _rows(SPEEDS, one, _EVERY)),
-        Drive("pulse", "lugre", {}, _rows(SPEEDS, LEVELS, _MARGINS)),
-        Drive("pulse", "lugre", {}, _rows(SPEEDS, one, _LOADED)),
-        Drive("lane change", "lugre", {}, _rows(TURNED, one, _EVERY)),
-        Drive("lane keeping", "lugre", {}, _rows(DRIVEN, one, _EVERY)),
+        Drive("weave", OWN, {}, _rows(WOVEN, LEVELS, _EVERY)),
+        Drive("arms", OWN, {}, _rows(DRIVEN, one, _EVERY)),
+        Drive("release", OWN, {}, _rows(SPEEDS, one, _EVERY)),
+        Drive("pulse", OWN, {}, _rows(SPEEDS, LEVELS, _MARGINS)),
+        Drive("pulse", OWN, {}, _rows(SPEEDS, one, _LOADED)),
+        Drive("lane change", OWN, {}, _rows(TURNED, one, _EVERY)),
+        Drive("lane keeping", OWN, {}, _rows(DRIVEN, one, _EVERY)),
     ]
-    for law in sorted({*friction.available()} - {"lugre"}):
+    for law in sorted({*friction.available()} - {"lugre"}):  # that of the car is LuGre
         drives.append(Drive("weave", law, {"friction": law}, _rows(WOVEN[1:2], LEVELS, {**_PLAIN, **_LATE})))
         drives.append(Drive("arms", law, {"friction": law}, _rows(DRIVEN, one, {**_PLAIN, **_DOUBLED})))
         drives.append(Drive("release", law, {"friction": law}, _rows(SPEEDS, one, _MARGINS)))
@@ -168,6 +169,6 @@ def _driving() -> list[Drive]:
 
 def _standing() -> list[Drive]:
     return [
-        Drive("parking", "lugre", {}, _rows((0,), LEVELS, _MARGINS)),
+        Drive("parking", OWN, {}, _rows((0,), LEVELS, _MARGINS)),
         *(Drive("parked pulse", law, {"friction": law}, _rows((0,), LEVELS, _MARGINS)) for law in friction.available()),
     ]

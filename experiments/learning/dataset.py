@@ -74,7 +74,7 @@ def record(
         about.append(conditions)
     task = env.unwrapped.task.name
     described = {
-        "friction": friction.as_mapping(friction.resolve(arguments.get("friction", "lugre"))),
+        "friction": friction.as_mapping(friction.resolve(arguments.get("friction") or env.unwrapped.car.friction)),
         "arguments": plain(arguments),
         "controller": name,
         "versions": provenance.versions(),

@@ -36,6 +36,7 @@ from steer_env.experiments.pages.files import usable, write_json, write_text
 from steer_env.experiments.pages.options import Friction
 from steer_env.friction.numerics import toml
 from steer_env.friction.numerics.check import number
+from steer_env.vehicle import cars
 
 FOLDER, STATE, CURVE, BEST, LATEST = "checkpoint", "state.json", "learning.csv", "policy.zip", "latest.zip"
 KEYS = ("env", "algo", "seed", "friction", "seconds", "steps", "next", "model", "scaling", "session")
@@ -331,7 +332,7 @@ class Training:
         cost_budget: float | None = None,
     ) -> None:
         policy.check_driven(env_id)
-        state: dict[str, Any] = {"algo": "ppo", "seed": 0, "friction": "lugre"}
+        state: dict[str, Any] = {"algo": "ppo", "seed": 0}
         self.seconds, self.best, self.validated = 0.0, -np.inf, -1  # the last in steps
         self.part = 0.0  # of the training that is done, in all sessions
         self.next_validation = 0.0  # the part at which it is due; the first one is of the untrained policy
@@ -358,11 +359,11 @@ class Training:
         self.algo: str = algo or state["algo"]
         self.seed: int = state["seed"] if seed is None else seed
         self._files = state
-        self.friction = friction or policy.law(state["friction"], out)
         own = library_settings if library else settings
         self.settings: dict[str, Any] = state["settings"] if resume else own(env_id, self.algo)
         if car is not None and not resume:
             self.settings = {**self.settings, "environment": {**self.settings["environment"], "vehicle": dict(car)}}
+        self.friction = friction or (policy.law(state["friction"], out) if resume else Friction(self._usual_friction))
         if cost_budget is not None and not resume:
             if self.algo == "sac":
                 raise ValueError(
@@ -484,7 +485,7 @@ class Training:
             words += " --library-defaults"
         if self._budget is not None:
             words += f" --cost-budget {self._budget:g}"
-        if self.friction.text != "lugre":
+        if self.friction.text != self._usual_friction:
             words += f" --friction {self.friction.text}"
         return words + " --resume" * self._resume
 
@@ -510,6 +511,11 @@ class Training:
         """Of the cost of an episode, if there is one [1]."""
         budget: float | None = self.settings["algorithm"].get("cost_budget")
         return budget
+
+    @property
+    def _usual_friction(self) -> str:
+        """The friction of the car as text."""
+        return cars.load(self.settings["environment"].get("vehicle", "compact")).friction
 
     @property
     def _identity(self) -> dict[str, Any]:

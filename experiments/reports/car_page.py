@@ -16,7 +16,7 @@ from steer_env.experiments.pages.files import replaced_directory
 from steer_env.experiments.pages.pages import LIVE, Beside, Page, image, place
 from steer_env.experiments.reports import car_quantities, car_suspension
 from steer_env.experiments.reports.car_quantities import CHASSIS, Quantity, ranges
-from steer_env.experiments.reports.car_simulated import LAW, SPEED, SPEEDS, Simulated, simulate
+from steer_env.experiments.reports.car_simulated import OWN, SPEED, SPEEDS, Simulated, simulate
 from steer_env.experiments.studies.common.assist_margins import TARGETS
 from steer_env.recording.recording import DEGREE
 from steer_env.vehicle import cars
@@ -105,7 +105,7 @@ def _pictures(car: Car, found: list[Quantity], simulated: Simulated) -> dict[str
     speeds, curves, slopes = np.array(SPEEDS), car_suspension.curves(car), car_suspension.slopes(car)
     lags = {
         title: {
-            "simulated with friction": simulated.lags[chassis, LAW],
+            "simulated with friction": simulated.lags[chassis, OWN],
             "simulated without friction": simulated.lags[chassis, "none"],
             "linear model": np.array([understeer.yaw_lag(car, v, chassis=chassis) for v in SPEEDS]),
             "Bundorf": np.array([understeer.bundorf_lag(car, v, chassis) for v in SPEEDS]),
@@ -159,7 +159,7 @@ def page_of(car: Car, found: list[Quantity], simulated: Simulated) -> Page:
         "outside": outside(found),
         "strip": strip,
         "images": {name: image(svg) for name, svg in _pictures(car, found, simulated).items()},
-        "law": LAW,
+        "law": car.friction,
     }
     return Page("car", values)
 

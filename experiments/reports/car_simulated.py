@@ -27,8 +27,8 @@ HELD = 0.98  # share of the speed that counts as held, assumed [1]
 LAG_ACCELERATION = 2.0  # of the yaw lag, as in the weave [m/s2]
 SMALL = 0.3  # lateral acceleration of the steady turn, small enough for the slopes straight ahead, assumed [m/s2]
 STEADY = 0.01  # change of the yaw rate in the last second of a steady turn, assumed [1]
-LAW = "lugre"  # friction law of everything with friction
-LAWS: dict[str, Any] = {LAW: LAW, "none": free_control.FRICTIONLESS}
+OWN, NONE = "own", "none"  # with the friction of the car, and without
+LAWS: dict[str, Any] = {OWN: None, NONE: free_control.FRICTIONLESS}
 
 
 class Steady(NamedTuple):
@@ -44,15 +44,15 @@ class HandsOff(NamedTuple):
     """The car without hands on one chassis, over SPEEDS."""
 
     damping: Array  # (n,) damping ratio of the least damped mode without friction, negative where it grows [1]
-    limit: dict[str, float]  # LAW, "none" -> highest speed without a spin or a sustained oscillation [m/s]
-    pulses: dict[str, list[free_control.Pulse]]  # LAW, "none" -> motion after a pulse of 3 N m
+    limit: dict[str, float]  # OWN, NONE -> highest speed without a spin or a sustained oscillation [m/s]
+    pulses: dict[str, list[free_control.Pulse]]  # OWN, NONE -> motion after a pulse of 3 N m
 
 
 class Simulated(NamedTuple):
     """Simulations of one car."""
 
     steady: dict[str, Steady]  # chassis
-    lags: dict[tuple[str, str], Array]  # chassis, LAW or "none" -> (len(SPEEDS),) yaw lag [s]
+    lags: dict[tuple[str, str], Array]  # chassis, OWN or NONE -> (len(SPEEDS),) yaw lag [s]
     lag: dict[tuple[str, str], float]  # the same at SPEED [s]
     parking: dict[str, vehicle.Parking]  # "assisted", "unassisted"
     weave: dict[str, Value]  # metrics
@@ -122,7 +122,7 @@ def hands_off(car: Car, chassis: str) -> HandsOff:
     """Least damping and pulses over SPEEDS, and the limits, with and without friction."""
     plants = {name: [car.plant(law, v, chassis=chassis) for v in SPEEDS] for name, law in LAWS.items()}
     return HandsOff(
-        damping=np.array([free_control.least_damping_ratio(p)[0] for p in plants["none"]]),
+        damping=np.array([free_control.least_damping_ratio(p)[0] for p in plants[NONE]]),
         limit={name: free_control.limit(car, law, chassis) for name, law in LAWS.items()},
         pulses={name: [free_control.pulse(p) for p in found] for name, found in plants.items()},
     )
@@ -139,7 +139,7 @@ def _lag(car: Car, chassis: str, law: str, speed: float) -> float:
 def _weave(car: Car) -> dict[str, Value]:
     """Metrics of the weave, refused where the car cannot drive it."""
     try:
-        return metrics.evaluate(manoeuvres.drive(car, manoeuvres.make("weave"), LAW))
+        return metrics.evaluate(manoeuvres.drive(car, manoeuvres.make("weave")))
     except ValueError as error:
         units = {name: metrics.definition(name).unit for name in metrics.available("weave")}
         return {name: Value(np.nan, np.nan, np.nan, unit, str(error)) for name, unit in units.items()}
@@ -164,8 +164,8 @@ def simulate(car: Car) -> Simulated:
         steady=found,
         lags={key: np.array([_lag(car, *key, v) for v in SPEEDS]) for key in cases},
         lag={key: _lag(car, *key, SPEED) for key in cases},
-        parking={state: vehicle.park(car, LAW, state == "assisted") for state in ("assisted", "unassisted")},
+        parking={state: vehicle.park(car, car.friction, state == "assisted") for state in ("assisted", "unassisted")},
         weave=_weave(car),
         hands_off={name: hands_off(car, name) for name in every_chassis()},
-        assist={kph: assist_cells(car, kph, [LAW]) for kph in ASSISTED},
+        assist={kph: assist_cells(car, kph, [car.friction]) for kph in ASSISTED},
     )

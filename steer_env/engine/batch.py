@@ -128,9 +128,8 @@ class EnvironmentBatch:
         if tyre is not None:
             self.car = self.car._replace(tyre=tyres.load(tyre))
         self.driver = drivers.resolve("preview" if driver is None else driver) if task.driver_in_loop else None
-        self._randomise = Randomise(
-            randomise, self.car.friction if friction is None else friction, speed, self.car, LIMITS | {"speed": limits}
-        )
+        law = self.car.friction if friction is None else friction
+        self._randomise = Randomise(randomise, law, speed, self.car, LIMITS | {"speed": limits})
         weights_of = _weights(task, weights)
 
         usual = self._randomise.usual

@@ -75,9 +75,11 @@ class TuneEnv(PlainSpecification, gym.Env):
 
     Arguments
     ---------
-    friction : str, mapping or parameters, default "lugre"
-        The name of a law (``friction.available()``), for its default parameters; with parameters as text,
-        ``"lugre,F_c=1.2"``, or as a mapping, ``{"law": "lugre", "F_c": 1.2}``; or parameters from ``friction.make``.
+    friction : str, mapping or parameters, optional
+        By default that of the car: LuGre, split over the sites of its steering. The name of a law
+        (``friction.available()``), which then sits at one site below the torsion bar; with parameters as text,
+        ``"lugre,F_c=1.2"``, or as a mapping, ``{"law": "lugre", "F_c": 1.2}``; sites as ``friction.resolve`` takes
+        them; or parameters from ``friction.make``.
     speed : float, default 100/3.6
         Speed of the tests that have none of their own, 12 to 50 [m/s].
     vehicle : str, path or mapping, default "compact"
@@ -164,9 +166,8 @@ class TuneEnv(PlainSpecification, gym.Env):
         self._limits["speed"] = low, high = SPEEDS
         self._limits["road_friction"] = self.scenario.least_road_friction, LIMITS["road_friction"][1]
         self.speed = number("speed [m/s]", speed, minimum=low, maximum=high)
-        self._randomise = Randomise(
-            randomise, self.car.friction if friction is None else friction, self.speed, self.car, self._limits
-        )
+        law = self.car.friction if friction is None else friction
+        self._randomise = Randomise(randomise, law, self.speed, self.car, self._limits)
         self.targets = load_targets(targets)
         self.terms = reward.terms(self.scenario, self.targets, weights)
         self.detuning = number("detuning", detuning, minimum=0.0, maximum=1.0)

@@ -14,6 +14,7 @@ from steer_env.experiments.pages.options import FRICTION, SITES, Friction
 
 if TYPE_CHECKING:
     from steer_env.experiments.explore.beside import Beside
+    from steer_env.vehicle.cars import Car
 
 KPH = 1.0 / 3.6  # [m/s]
 MOST_EPISODES = VALIDATION - HELD_OUT  # with more, the evaluation would use the seeds of the validation
@@ -53,6 +54,14 @@ def friction_law(text: str) -> Friction:
         return Friction(text)
     except ValueError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
+
+
+OF_CAR = "LuGre at the sites of the car's steering"  # the friction of a car where none is given
+
+
+def friction(args: argparse.Namespace, car: "Car") -> Friction:
+    """The friction that ``--friction`` gives, else that of the car."""
+    return args.friction or Friction(car.friction)
 
 
 def chassis(text: str) -> str:
@@ -270,7 +279,7 @@ def add_evaluation(parser: argparse.ArgumentParser, out: str) -> None:
 def add_plant(parser: argparse.ArgumentParser, speed: str, hands: str) -> None:
     """Add the options that choose a subsystem for other tools; the texts say what speed and hands are for."""
     add(parser, "--subsystem", default="car", choices=SUBSYSTEMS)
-    add(parser, "--friction", default="lugre")
+    add(parser, "--friction", otherwise=OF_CAR)
     car_options.add(parser)
     add(parser, "--chassis", default="single_track", choices=names.chassis())
     add(parser, "--speed-kph", speed, 100.0)

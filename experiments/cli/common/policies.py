@@ -51,8 +51,8 @@ def trace(args: argparse.Namespace, made: Mapping[str, Any]) -> dict[str, Any]:
     from steer_env.friction.sites import named
     from steer_env.vehicle import cars
 
-    law = resolve(made.get("friction", "lugre"))
     car = cars.load(made.get("vehicle", "compact"))
+    law = resolve(made.get("friction") or car.friction)
     laws = {named(law): law}
     name = args.out.name
     return provenance.trace(command=args.argv, result=name, car=car, friction=laws, inputs=inputs.of(args))
