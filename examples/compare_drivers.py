@@ -8,7 +8,7 @@ import gymnasium as gym
 import steer_env  # noqa: F401 (registers the ids)
 from steer_env import drivers, friction
 
-ENV = "steer_env/DriverDoubleLaneChange-v2"
+ENV = "steer_env/DriverDoubleLaneChange-v3"
 
 
 def main(laws: tuple[str, ...], models: tuple[str, ...]) -> dict[tuple[str, str], dict[str, float]]:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 import steer_env  # noqa: F401 (registers the ids)
 from steer_env.engine.state import State
 
-ENV, STEP = "steer_env/DriverLaneKeeping-v2", 0.05  # time between two actions [s]
+ENV, STEP = "steer_env/DriverLaneKeeping-v3", 0.05  # time between two actions [s]
 SEQUENCES, BEST, ROUNDS = 64, 8, 3
 HORIZON, DRIVEN = 20, 4  # actions of a plan, and how many of them are driven before the next plan
 SPREAD, LEAST = 0.2, 0.02  # standard deviation of the first sequences, and what is added to that of the best

@@ -14,7 +14,7 @@ from stable_baselines3.common.vec_env import VecMonitor
 import steer_env  # noqa: F401 (registers the ids)
 from steer_env.sb3 import SteerVecEnv
 
-ENV = "steer_env/AssistWeave-v2"
+ENV = "steer_env/AssistWeave-v3"
 
 
 def main(steps: int, frame: str = "frame.png") -> dict[str, float]:

@@ -17,7 +17,7 @@ from steer_env.vehicle import cars
 
 def main(evaluations: int, out: str) -> tuple[float, float]:
     """Reward of the start, and of the best one found, which is written as a car file."""
-    env = gym.make("steer_env/TuneOnCentre-v2")
+    env = gym.make("steer_env/TuneOnCentre-v3")
 
     def reward(action: np.ndarray) -> float:
         env.reset(seed=0)

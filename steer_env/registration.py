@@ -30,6 +30,11 @@ CHANGES: tuple[dict[str, str], ...] = (
         "TuneOnCentre": f"{_TUNED} Three more parameters are tuned; before, 20 random sets reached the maximum.",
         "TuneAllRound": _TUNED,
     },
+    {
+        "": "The friction of a car is LuGre at several sites, whose gear has an efficiency, before at one site; the default "
+        "car has a front axle that returns from the lock, with one compliance for each wheel; its assist keeps 30 deg and "
+        "6 dB while the gear slides."
+    },
 )
 
 

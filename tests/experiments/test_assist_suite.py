@@ -22,7 +22,7 @@ from steer_env.vehicle.plant import CHANNEL
 from tests.maintain.__main__ import run as maintain
 from tests.tools import assist_tuning
 
-WEAVE = "steer_env/AssistWeave-v2"
+WEAVE = "steer_env/AssistWeave-v3"
 
 
 class Pushing(Baseline):
@@ -74,7 +74,7 @@ def test_the_shipped_baselines_hold(name):
 
 @pytest.mark.whole
 def test_a_shipped_baseline_holds_everywhere():
-    found = assist_suite.examine(partial(assists.make, "integral"), "steer_env/AssistParking-v2")
+    found = assist_suite.examine(partial(assists.make, "integral"), "steer_env/AssistParking-v3")
     assert [one for one in found if not one.holds] == []
     assert sum(one.beyond + one.excused for one in found) <= 0.01 * sum(one.rows for one in found)
 
@@ -121,7 +121,7 @@ def test_a_controller_sees_what_its_task_observes():
             seen.setdefault("last", []).append(observations.last_action[0])
             return np.full(self.n, 0.5)
 
-    assist_suite.driven(drive("release"), Watching, "steer_env/AssistRelease-v3")
+    assist_suite.driven(drive("release"), Watching, "steer_env/AssistRelease-v4")
     released = np.flatnonzero(seen["released"])
     assert released[0] == 400  # 4 s: the hands turn for 1.5 s and hold for 2.5 s
     assert seen["last"][:3] == pytest.approx([0.0, 0.05, 0.05])
@@ -146,7 +146,7 @@ def test_an_assist_is_held_against_the_boost_where_that_misses_the_limit():
 
 def test_the_suite_tells_a_wanted_return_as_the_environment_does():
     """In the suite's own release the errors are those of the task, from the angle at which the hands let go."""
-    env_id, seen = "steer_env/AssistRelease-v3", []
+    env_id, seen = "steer_env/AssistRelease-v4", []
 
     class Watching(Baseline):
         needs = ("handwheel_angle", "handwheel_speed", "released", "return_error", "return_speed_error")
@@ -215,7 +215,7 @@ def test_the_search_drives_the_conditions_of_the_training(monkeypatch):
         values = [getattr(found, name) for found in drawn[0]]
         assert low <= min(values) < max(values) <= high
     # A search that is told others: none, and a load.
-    assist_tuning.tune("boost", "steer_env/AssistLaneChange-v2", episodes=3, randomise={})
+    assist_tuning.tune("boost", "steer_env/AssistLaneChange-v3", episodes=3, randomise={})
     assist_tuning.tune("boost", WEAVE, episodes=3, randomise={"load": (100.0, 100.0)})
     assert drawn[2][1:] == drawn[2][:1] * 2
     assert {(found.load, found.delay) for found in drawn[3]} == {(100.0, 0.0)}
@@ -230,7 +230,7 @@ def test_a_baseline_is_the_best_known_by_default(tmp_path, monkeypatch):
     monkeypatch.setattr(definition, "TUNED", path)
     definition._kept.cache_clear()
     try:
-        weave, parking = gym.make(WEAVE), gym.make("steer_env/AssistParking-v2")
+        weave, parking = gym.make(WEAVE), gym.make("steer_env/AssistParking-v3")
         assert assists.make("damping", weave).gain == 1.5
         assert assists.make("damping", weave, gain=2.0).gain == 2.0
         assert controllers.named("damping", WEAVE)(weave).gain == 1.5
@@ -297,7 +297,7 @@ def test_the_command(tmp_path, capsys, monkeypatch):
     assert found["boost"]["results"][0]["worst"] == pytest.approx(1.0)
     monkeypatch.setitem(assist_suite.JUDGES, "steering", assist_suite.JUDGES["steering"]._replace(limit=0.5))
     assert main(["policy", "suite", "boost", "--env", WEAVE]) == 1
-    assert main(["policy", "suite", "boost", "--env", "steer_env/DriverLaneKeeping-v2"]) == 2
+    assert main(["policy", "suite", "boost", "--env", "steer_env/DriverLaneKeeping-v3"]) == 2
     assert "the suite judges assists" in capsys.readouterr().err
     assert main(["policy", "suite", "boost"]) == 2
-    assert maintain(["tune-baselines", "--env", "steer_env/DriverLaneKeeping-v2"]) == 2
+    assert maintain(["tune-baselines", "--env", "steer_env/DriverLaneKeeping-v3"]) == 2

@@ -14,7 +14,7 @@ from tests.tools import audit
 from tests.tools.audit import Behaviour, Verdict
 from tests.tools.policy_search import Budget
 
-RELEASE, WEAVE = "steer_env/AssistRelease-v3", "steer_env/AssistWeave-v2"
+RELEASE, WEAVE = "steer_env/AssistRelease-v4", "steer_env/AssistWeave-v3"
 SMALL = Budget(rounds=1, candidates=2, best=1, episodes=1, steps=0)
 # A reward that pays for the return and does not mind how: the effort counts in proportion to it.
 RETURN_ALONE = {"goal": 0.0, "ripple": 0.0, "smoothness": 0.0, "effort": 1.0}
@@ -49,7 +49,7 @@ def test_an_assist_that_scores_more_is_driven_through_the_suite(short, monkeypat
     failed, driven = audit.suite(WEAVE, Louder)
     assert driven == conditions
     assert failed > 2
-    assert audit.suite("steer_env/DriverOnCentre-v2", Louder) == (0, 0)
+    assert audit.suite("steer_env/DriverOnCentre-v3", Louder) == (0, 0)
     monkeypatch.setattr(audit, "baselines", lambda env_id: {})
     found = {one.policy: one for one in audit.audit(RELEASE, SMALL, weights=RETURN_ALONE)}
     for one in found.values():

@@ -75,11 +75,11 @@ def test_names_in_the_help_are_those_of_the_registries():
 @pytest.mark.parametrize(
     ("missing", "command", "extra"),
     [
-        ("torch", ["train", "--env", "steer_env/AssistWeave-v2"], "train"),
-        ("stable_baselines3", ["policy", "evaluate", "shipped", "--env", "steer_env/AssistWeave-v2"], "train"),
+        ("torch", ["train", "--env", "steer_env/AssistWeave-v3"], "train"),
+        ("stable_baselines3", ["policy", "evaluate", "shipped", "--env", "steer_env/AssistWeave-v3"], "train"),
         ("stable_baselines3", ["policy", "shift", "policy.zip"], "train"),
-        ("minari", ["policy", "record", "--env", "steer_env/AssistWeave-v2", "--policy", "zero"], "integrations"),
-        ("sb3_contrib", ["train", "--env", "steer_env/AssistWeave-v2", "--algo", "recurrent-ppo"], "train"),
+        ("minari", ["policy", "record", "--env", "steer_env/AssistWeave-v3", "--policy", "zero"], "integrations"),
+        ("sb3_contrib", ["train", "--env", "steer_env/AssistWeave-v3", "--algo", "recurrent-ppo"], "train"),
         ("asammdf", ["evaluate", "weave.mf4"], "mdf"),
         ("asammdf", ["run", "weave", "--out", "weave.mf4"], "mdf"),
         ("pyarrow", ["run", "weave", "--out", "weave.parquet"], "parquet"),
@@ -189,7 +189,7 @@ def test_every_study_has_help(name, capsys):
 def test_episodes_have_no_frames_without_pygame(monkeypatch):
     """A core install evaluates baselines without pictures, and does not end in a traceback after the work."""
     monkeypatch.setattr(policy_report, "find_spec", lambda name: None)
-    assert policy_report.frames("steer_env/AssistWeave-v2", None) == []
+    assert policy_report.frames("steer_env/AssistWeave-v3", None) == []
 
 
 def test_the_list_of_commands_fits_a_screen_and_shows_each_in_its_group(monkeypatch, capsys):

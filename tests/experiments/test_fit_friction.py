@@ -70,7 +70,7 @@ def test_the_shipped_record_from_a_fresh_clone(capsys):
     dahl, coulomb = (found["laws"][law]["held_out"][0] / mean for law in ("dahl", "coulomb"))
     assert own < 0.03 < dahl < 0.17 < 0.7 < coulomb < 0.8  # while moving: Coulomb says nothing at rest
     with refused(["rig/dahl.json", "m and N", "--lever", "--to-column"]):
-        gym.make("steer_env/AssistWeave-v2", friction="rig/dahl.json")
+        gym.make("steer_env/AssistWeave-v3", friction="rig/dahl.json")
 
 
 def test_the_shipped_record_drives_a_column_as_told():
@@ -89,7 +89,7 @@ def test_the_shipped_record_drives_a_column_as_told():
         assert p["sigma_0"] == pytest.approx(there["torque"] / there["displacement"] * q["sigma_0"], rel=1e-6)
         left = back["held_out"][0] / found[name]["record"]["mean_friction"]
         assert left == pytest.approx(found["rig"]["laws"]["dahl"]["held_out"][0] / record["mean_friction"], rel=1e-6)
-        env = gym.make("steer_env/AssistWeave-v2", friction=f"{name}/dahl.json")
+        env = gym.make("steer_env/AssistWeave-v3", friction=f"{name}/dahl.json")
         assert env.unwrapped.spec.kwargs["friction"] == p
     assert found["lever"]["record"]["factors"] == pytest.approx({"displacement": 1 / 0.00796, "torque": 0.00796})
 

@@ -190,7 +190,7 @@ def _results(every):
         effects=cases.effects(every, driven),
         apart=distinction.differences(laws, "lugre"),
         held=ripples,
-        driven=[cases.Driven(law, "steer_env/AssistWeave-v2", {"rms_hand_torque": [1.0, 1.1]}) for law in laws],
+        driven=[cases.Driven(law, "steer_env/AssistWeave-v3", {"rms_hand_torque": [1.0, 1.1]}) for law in laws],
         confusion=confused,
     )
 

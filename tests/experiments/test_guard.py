@@ -9,7 +9,7 @@ from steer_env.experiments.learning.guard import Guard, GuardedVecEnv
 from steer_env.sb3 import SteerVecEnv
 from steer_env.tasks.assist_release import RELEASE_TIME
 
-WEAVE, RELEASE = "steer_env/AssistWeave-v2", "steer_env/AssistRelease-v3"
+WEAVE, RELEASE = "steer_env/AssistWeave-v3", "steer_env/AssistRelease-v4"
 
 
 def shares(env_id, seconds, action=0.2, **options):
@@ -31,7 +31,7 @@ def test_slow_steering_with_hands_passes():
 
 
 def test_without_hands_nothing_acts():
-    share = shares("steer_env/AssistAllRound-v2", 8.5, scenario=1)  # a release, which the controller is not told
+    share = shares("steer_env/AssistAllRound-v3", 8.5, scenario=1)  # a release, which the controller is not told
     assert share.max() > 0.5  # while the robot holds the handwheel
     assert share[-200:].max() < 0.02
     assert (share >= 0.0).all()

@@ -104,9 +104,9 @@ def test_any_policy_within_the_budget_is_better_than_one_beyond():
 
 def test_bad_budgets(tmp_path):
     with pytest.raises(ValueError, match="cost_budget must be finite and greater than 0, got 0"):
-        Training("steer_env/AssistWeave-v2", None, tmp_path / "run", cost_budget=0.0)
+        Training("steer_env/AssistWeave-v3", None, tmp_path / "run", cost_budget=0.0)
     with pytest.raises(ValueError, match=r"cost_budget needs an algorithm that trains on rollouts, .* got sac"):
-        Training("steer_env/AssistWeave-v2", "sac", tmp_path / "run", cost_budget=1.0)
+        Training("steer_env/AssistWeave-v3", "sac", tmp_path / "run", cost_budget=1.0)
 
 
 def test_the_report_draws_the_budget_beside_the_cost(tmp_path):

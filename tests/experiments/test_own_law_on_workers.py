@@ -60,7 +60,7 @@ friction.register(
 """
 UNITS = '{"k": "N m/rad", "F_c": "N m"}'
 NAME, MODULE = "two_states", "own_law"
-ASSIST = "steer_env/AssistWeave-v2"
+ASSIST = "steer_env/AssistWeave-v3"
 IMPORT = ["--import", MODULE]
 
 # Command -> its words with the law, where it has a place for one. A study takes '--import' before its name or after it.

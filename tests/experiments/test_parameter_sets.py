@@ -11,7 +11,7 @@ from steer_env.experiments.learning import parameter_sets
 from steer_env.experiments.sweep import Where, run
 from tests.steer_env.test_state import equal
 
-ENV = "steer_env/TuneOnCentre-v2"
+ENV = "steer_env/TuneOnCentre-v3"
 ARGUMENTS = {"randomise": {"load": (0, 300)}, "vector_reward": True}
 CONTEXTS = [{"speed": 25.0}, {"friction_level": 2.0}]
 
@@ -47,7 +47,7 @@ def test_are_equal_to_the_bit_in_processes_and_on_a_cluster(where):
 
 
 def test_bad_input():
-    with pytest.raises(ValueError, match=r"env_id must be one of steer_env/TuneAllRound-v2, .*got 'CartPole-v1'"):
+    with pytest.raises(ValueError, match=r"env_id must be one of steer_env/TuneAllRound-v3, .*got 'CartPole-v1'"):
         parameter_sets.evaluate("CartPole-v1", np.zeros((1, 5)))
     with pytest.raises(ValueError, match=r"actions must be an array \(K, n\) with at least one row, got shape \(5,\)"):
         parameter_sets.evaluate(ENV, np.zeros(5))

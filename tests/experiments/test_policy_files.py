@@ -15,7 +15,7 @@ from steer_env.experiments.learning import network, policy
 from steer_env.experiments.learning.training import Training
 from steer_env.experiments.pages.options import Friction
 
-WEAVE = "steer_env/AssistWeave-v2"
+WEAVE = "steer_env/AssistWeave-v3"
 SHIPPED = sorted(
     f"steer_env/{folder.name}" for folder in policy.SHIPPED_IN.iterdir() if (folder / "policy.zip").is_file()
 )

@@ -291,7 +291,7 @@ def test_an_evaluation_of_policies_is_made_again_with_an_own_car(tmp_path, capsy
         "evaluate",
         "damping",
         "--env",
-        "steer_env/AssistWeave-v2",
+        "steer_env/AssistWeave-v3",
         "--episodes",
         "2",
         "--out",

@@ -16,7 +16,7 @@ from steer_env.registration import REGISTERED
 from tests.maintain.__main__ import run as maintain
 from tests.tools import scores
 
-RELEASE, TUNE = "steer_env/AssistRelease-v3", "steer_env/TuneOnCentre-v2"
+RELEASE, TUNE = "steer_env/AssistRelease-v4", "steer_env/TuneOnCentre-v3"
 
 
 def _score(reward, trained=False):
@@ -57,7 +57,7 @@ def test_the_threshold_is_the_best_baseline():
 
 
 def test_a_policy_of_the_librarys_defaults_has_its_gap_to_the_best_baseline(tmp_path):
-    parking = "steer_env/DriverParking-v2"
+    parking = "steer_env/DriverParking-v3"
     run = Training(parking, None, tmp_path / "plain", library=True)
     assert run.settings["environment"] == {"control_dt": 0.05}
     run.settings["algorithm"] |= {"num_envs": 2, "n_steps": 16, "batch_size": 32}
@@ -75,7 +75,7 @@ def test_a_policy_of_the_librarys_defaults_has_its_gap_to_the_best_baseline(tmp_
 
 @pytest.mark.whole
 def test_a_task_with_scenarios_has_a_table_of_them():
-    (found,) = scores.collect(["steer_env/AssistAllRound-v2"], 2)
+    (found,) = scores.collect(["steer_env/AssistAllRound-v3"], 2)
     assert list(found.scenarios) == ["weave", "release", "parking", "lane change"]
     assert all(set(by) == set(found.scores) for by in found.scenarios.values())
     assert found.scenarios["release"]["zero"].value < 9.0 < found.scenarios["weave"]["zero"].value  # of 9 and 20 s

@@ -425,7 +425,7 @@ def test_a_worker_that_comes_later_refuses_another_program():
 def test_the_words_that_a_trace_keeps_do_not_tell_where_cases_ran():
     words = ["run", "all", "--friction", "masing", "--rate-hz=100"]
     assert parsed([*words, "--workers", "2", "--resume"]).argv == words
-    assert parsed(["train", "--env", "steer_env/AssistWeave-v2", "--resume"]).argv[-1] == "--resume"
+    assert parsed(["train", "--env", "steer_env/AssistWeave-v3", "--resume"]).argv[-1] == "--resume"
 
 
 def test_options_are_checked_before_the_work_begins(tmp_path, monkeypatch, capsys):

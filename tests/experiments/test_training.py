@@ -23,7 +23,7 @@ from steer_env.registration import DRIVEN, id_of
 from steer_env.vehicle import cars
 from tests.experiments.first_screen import sentence
 
-WEAVE, ON_CENTRE = "steer_env/AssistWeave-v2", "steer_env/DriverOnCentre-v2"
+WEAVE, ON_CENTRE = "steer_env/AssistWeave-v3", "steer_env/DriverOnCentre-v3"
 LUGRE = Friction("lugre")
 
 
@@ -85,7 +85,7 @@ def test_a_policy_acts_alike_on_normalised_observations(trained):
 
 
 def test_a_policy_holds_its_action_between_its_own_steps(tmp_path):
-    env_id = "steer_env/DriverDoubleLaneChange-v2"
+    env_id = "steer_env/DriverDoubleLaneChange-v3"
     Training(env_id, "ppo", tmp_path / "run", friction=LUGRE).run(steps=2)
     path = tmp_path / "run" / "policy.zip"
     vector = gym.make_vec(env_id, num_envs=2, control_dt=0.01)
@@ -278,7 +278,7 @@ def counted(function):
 os.replace, Path.replace = counted(rename), counted(replace)
 out = Path(sys.argv[1])
 resume = out.exists()
-run = Training("steer_env/AssistWeave-v2", None, out, resume=resume, friction=None if resume else Friction("lugre"))
+run = Training("steer_env/AssistWeave-v3", None, out, resume=resume, friction=None if resume else Friction("lugre"))
 run.settings["algorithm"] |= {"num_envs": 4, "n_steps": 16, "batch_size": 64}
 run.run(steps=10**6)
 """
@@ -366,17 +366,17 @@ def test_shift_command(trained, tmp_path, capsys, monkeypatch):
     assert list(found["over"]["level"]) == ["0.5", "1", "2", "3", "5"]
     assert list(found["over"]["law"]) == ["coulomb"]
     assert set(found["over"]["level"]["2"]["metrics"]) >= {"policy", "lqg"}
-    assert main(["policy", "shift", path, "--env", "steer_env/AssistRelease-v3"]) == 2
-    assert "was trained for steer_env/AssistWeave-v2, not steer_env/AssistRelease-v3" in capsys.readouterr().err
+    assert main(["policy", "shift", path, "--env", "steer_env/AssistRelease-v4"]) == 2
+    assert "was trained for steer_env/AssistWeave-v3, not steer_env/AssistRelease-v4" in capsys.readouterr().err
     assert main(["policy", "shift", path, "--over", "load", "--friction", "coulomb"]) == 2
     assert "--friction names the laws of --over law, and --over is load" in capsys.readouterr().err
 
 
 def test_evaluation_on_another_task_names_both(trained, tmp_path, capsys):
     command = ["policy", "evaluate", str(trained / "policy.zip"), "--out", str(tmp_path / "out")]
-    assert main([*command, "--env", "steer_env/DriverParking-v2"]) == 2
+    assert main([*command, "--env", "steer_env/DriverParking-v3"]) == 2
     assert (
-        "was trained for steer_env/AssistWeave-v2 and cannot act in steer_env/DriverParking" in capsys.readouterr().err
+        "was trained for steer_env/AssistWeave-v3 and cannot act in steer_env/DriverParking" in capsys.readouterr().err
     )
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "mine.txt").write_text("")
@@ -518,7 +518,7 @@ def test_every_condition_is_replaced_in_the_environments(trained):
 
 
 def test_human_terms_of_a_driver_are_those_of_the_driver_models():
-    found = shift.changes("human", "steer_env/DriverDoubleLaneChange-v2", LUGRE)
+    found = shift.changes("human", "steer_env/DriverDoubleLaneChange-v3", LUGRE)
     assert [change.options for change in found] == [
         {"delay": 0.1},
         {"action_lag": 0.05},
@@ -536,7 +536,7 @@ def test_an_own_car_stands_beside_the_packaged_ones():
 
 @pytest.mark.whole
 def test_speeds_of_scenarios_are_not_replaced(tmp_path, capsys):
-    all_round = "steer_env/AssistAllRound-v2"
+    all_round = "steer_env/AssistAllRound-v3"
     assert shift.changes("speed", all_round, LUGRE) == []
     run = Training(all_round, None, tmp_path / "run", friction=LUGRE)
     run.settings["algorithm"] |= SMALL
@@ -563,9 +563,9 @@ def test_a_shift_changes_the_reward(trained, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["train", "--env", "steer_env/DriverFlying-v2"], "unknown environment 'steer_env/DriverFlying-v2'; there are"),
-        (["train", "--env", "steer_env/AssistWeave-v0"], "it is replaced by steer_env/AssistWeave-v2"),
-        (["train", "--env", "steer_env/AssistRelease-v1"], "it is replaced by steer_env/AssistRelease-v3"),
+        (["train", "--env", "steer_env/DriverFlying-v3"], "unknown environment 'steer_env/DriverFlying-v3'; there are"),
+        (["train", "--env", "steer_env/AssistWeave-v0"], "it is replaced by steer_env/AssistWeave-v3"),
+        (["train", "--env", "steer_env/AssistRelease-v1"], "it is replaced by steer_env/AssistRelease-v4"),
         (["train", "--env", WEAVE, "--minutes", "-1"], "minutes must be .*greater than 0"),
         (["train", "--env", WEAVE, "--minutes", "nan"], "minutes must be finite"),
         (["train", "--env", WEAVE, "--steps", "0"], "--steps: must be a whole number of at least 1, got '0'"),
@@ -573,14 +573,14 @@ def test_a_shift_changes_the_reward(trained, tmp_path):
         (["train", "--env", WEAVE, "--seed", "-1"], "--seed: must be a whole number of at least 0"),
         (["train", "--env", WEAVE, "--out", "file/run"], "cannot be made, as .*file is a file"),
         (["train", "--env", WEAVE, "--out", "file"], "file is a file: give a directory"),
-        (["train", "--env", "steer_env/TuneOnCentre-v2"], "tunes assist parameters"),
+        (["train", "--env", "steer_env/TuneOnCentre-v3"], "tunes assist parameters"),
         (["policy", "evaluate", "boost", "--env", WEAVE, "--out", "file"], "file is a file: give a directory"),
         (["policy", "evaluate", "boost", "boost", "--env", WEAVE], "'boost' is given twice"),
         (["policy", "evaluate", "boost"], "--env must name the environment"),
         (["policy", "evaluate", "."], r"\. is a folder: give the policy\.zip in it"),
         (["policy", "suite", ".", "--env", WEAVE], r"\. is a folder: give the policy\.zip in it"),
-        (["train", "--env", "AssistWeave-v2"], "; did you mean steer_env/AssistWeave-v2;"),
-        (["train", "--env", "steer_env/AssistWeave"], "; did you mean steer_env/AssistWeave-v2;"),
+        (["train", "--env", "AssistWeave-v3"], "; did you mean steer_env/AssistWeave-v3;"),
+        (["train", "--env", "steer_env/AssistWeave"], "; did you mean steer_env/AssistWeave-v3;"),
         (["policy", "shift", "lqg"], "a baseline, which was not trained"),
         (["train", "--env", WEAVE, "--resume", "--library-defaults"], "a resumed one keeps its settings: leave it out"),
         (["policy", "shift", "weave"], "'weave' is no policy: give a policy.zip"),
@@ -636,17 +636,17 @@ def test_files_of_others_are_refused(tmp_path):
 
 def test_a_policy_of_another_task_is_refused(trained):
     with pytest.raises(
-        ValueError, match="was trained for steer_env/AssistWeave-v2 and cannot act in steer_env/DriverLaneK"
+        ValueError, match="was trained for steer_env/AssistWeave-v3 and cannot act in steer_env/DriverLaneK"
     ):
-        policy.Policy(trained / "policy.zip", gym.make("steer_env/DriverLaneKeeping-v2"))
+        policy.Policy(trained / "policy.zip", gym.make("steer_env/DriverLaneKeeping-v3"))
 
 
 def test_settings_of_an_id_stand_over_the_common_ones():
-    found = settings("steer_env/DriverDoubleLaneChange-v2", "ppo")
+    found = settings("steer_env/DriverDoubleLaneChange-v3", "ppo")
     assert found["environment"]["control_dt"] == 0.05  # of all drivers
     assert found["environment"]["randomise"]["road_friction"] == [0.8, 1.0]  # its own
     assert found["algorithm"]["net_arch"] == [64, 64]  # of all ids
-    assert settings("steer_env/DriverParking-v2", "ppo")["environment"] == {"control_dt": 0.05}  # draws nothing
+    assert settings("steer_env/DriverParking-v3", "ppo")["environment"] == {"control_dt": 0.05}  # draws nothing
     with pytest.raises(ValueError, match="unknown algorithm 'dqn'"):
         settings(WEAVE, "dqn")
 

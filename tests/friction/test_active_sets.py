@@ -44,7 +44,7 @@ def test_the_mapping_comes_back_through_json():
 
 
 def test_an_environment_takes_it_and_its_spec_makes_it_again():
-    with gymnasium.make("steer_env/AssistWeave-v2", friction=ACTIVE) as environment:
+    with gymnasium.make("steer_env/AssistWeave-v3", friction=ACTIVE) as environment:
         again = gymnasium.envs.registration.EnvSpec.from_json(environment.spec.to_json())
     with gymnasium.make(again) as environment:
         assert environment.unwrapped.batch.usual_conditions.friction == ACTIVE
@@ -52,5 +52,5 @@ def test_an_environment_takes_it_and_its_spec_makes_it_again():
 
 def test_ranges_of_its_parameters_are_drawn():
     ranges = {"friction": {"F_s": (1.2, 1.8)}}
-    with gymnasium.make("steer_env/AssistWeave-v2", friction=ACTIVE, randomise=ranges) as environment:
+    with gymnasium.make("steer_env/AssistWeave-v3", friction=ACTIVE, randomise=ranges) as environment:
         environment.reset(seed=3)

@@ -50,7 +50,7 @@ def test_a_file_may_hold_sites(fitted):
 
 
 def test_an_environment_does_not_need_the_file_any_more(fitted):
-    text = gym.make("steer_env/AssistWeave-v2", friction=str(fitted)).spec.to_json()
+    text = gym.make("steer_env/AssistWeave-v3", friction=str(fitted)).spec.to_json()
     fitted.unlink()
     again = EnvSpec.from_json(text).kwargs["friction"]
     assert again == friction.as_mapping(friction.resolve(LAW))

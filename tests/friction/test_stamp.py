@@ -245,7 +245,7 @@ print([stamp(k, (), "numba") for k in vars(batch).values() if hasattr(k, "py_fun
 STEPS = """
 {imports}
 import gymnasium, numpy as np, steer_env
-env = gymnasium.make("steer_env/AssistWeave-v2", friction="lugre")
+env = gymnasium.make("steer_env/AssistWeave-v3", friction="lugre")
 env.reset(seed=0)
 print([float(x) for _ in range(30) for x in env.step(np.array([0.1], np.float32))[0]])
 from steer_env.engine.kernels import advance

@@ -11,7 +11,7 @@ from steer_env.experiments.cli.main import main
 
 minari = pytest.importorskip("minari")
 pytest.importorskip("h5py")
-WEAVE = "steer_env/AssistWeave-v2"
+WEAVE = "steer_env/AssistWeave-v3"
 
 
 def _recorded(out, *options):
@@ -40,7 +40,7 @@ def _replay(dataset, env):
 
 @pytest.mark.parametrize(
     ("env_id", "name"),
-    [(WEAVE, "lqg"), (WEAVE, "shipped"), ("steer_env/DriverParking-v2", "random"), (WEAVE, "zero")],
+    [(WEAVE, "lqg"), (WEAVE, "shipped"), ("steer_env/DriverParking-v3", "random"), (WEAVE, "zero")],
 )
 def test_a_recovered_environment_replays_the_set_to_the_bit(env_id, name, tmp_path):
     law = ["--friction", "masing,elements=5"] if name == "lqg" else []
@@ -102,7 +102,7 @@ def test_the_example_of_offline_learning(tmp_path):
     spec = importlib.util.spec_from_file_location("clone_from_dataset", path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    _recorded(tmp_path / "set", "--env", "steer_env/DriverLaneKeeping-v2", "--policy", "preview", "--episodes", "8")
+    _recorded(tmp_path / "set", "--env", "steer_env/DriverLaneKeeping-v3", "--policy", "preview", "--episodes", "8")
     found = module.main(tmp_path / "set")
     assert found["clone"] > 0.9 * found["recorded"] > 0.0
     assert found["zero action"] < 0.8 * found["recorded"]

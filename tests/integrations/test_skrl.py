@@ -12,7 +12,7 @@ from skrl.memories.torch import RandomMemory  # noqa: E402
 from skrl.models.torch import DeterministicMixin, GaussianMixin, Model  # noqa: E402
 from skrl.trainers.torch import SequentialTrainer  # noqa: E402
 
-WEAVE = "steer_env/AssistWeave-v2"
+WEAVE = "steer_env/AssistWeave-v3"
 
 
 class Policy(GaussianMixin, Model):

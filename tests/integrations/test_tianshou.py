@@ -15,7 +15,7 @@ from tianshou.trainer import OnPolicyTrainerParams  # noqa: E402
 from tianshou.utils.net.common import Net  # noqa: E402
 from tianshou.utils.net.continuous import ContinuousActorProbabilistic, ContinuousCritic  # noqa: E402
 
-WEAVE = "steer_env/AssistWeave-v2"
+WEAVE = "steer_env/AssistWeave-v3"
 
 
 @pytest.mark.filterwarnings("ignore:action_scaling and action_bound_method")

@@ -7,7 +7,7 @@ from gymnasium.vector import AutoresetMode
 
 torch = pytest.importorskip("torch")
 
-WEAVE = "steer_env/AssistWeave-v2"
+WEAVE = "steer_env/AssistWeave-v3"
 N, T = 4, 128
 
 

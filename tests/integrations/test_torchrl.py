@@ -15,7 +15,7 @@ from torchrl.modules import NormalParamExtractor, ProbabilisticActor, TanhNormal
 from torchrl.objectives import ClipPPOLoss  # noqa: E402
 from torchrl.objectives.value import GAE  # noqa: E402
 
-WEAVE = "steer_env/AssistWeave-v2"
+WEAVE = "steer_env/AssistWeave-v3"
 
 
 @pytest.mark.parametrize("env_id", REGISTERED)

@@ -177,7 +177,7 @@ def test_compensation_and_lqg_bring_the_feel_nearer_to_the_reference():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_scaled_observations_give_the_same_actions(name):
-    scaled = gym.make("steer_env/AssistWeave-v2").unwrapped
+    scaled = gym.make("steer_env/AssistWeave-v3").unwrapped
     seen = watched("Weave", 300)
     assert scaled.observation_scale.max() > 1.0
     own = acted(standard(name, scaled), (seen / scaled.observation_scale).astype(np.float32))
@@ -280,7 +280,7 @@ def test_a_standing_car_feels_as_in_parking():
 def test_margins_of_the_lead_lag(speed, control_dt):
     import control
 
-    env = gym.make("steer_env/AssistWeave-v2", control_dt=control_dt).unwrapped
+    env = gym.make("steer_env/AssistWeave-v3", control_dt=control_dt).unwrapped
     baseline = standard("lead_lag", env, gain=1.0)
     car, H = env.batch.car, lead_lag.compensator(baseline.design(speed), baseline._law, control_dt)
     smallest_phase, smallest_gain = math.inf, math.inf
@@ -355,7 +355,7 @@ def test_bad_input():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_another_environment_is_refused(name):
-    for other in ("steer_env/DriverLaneKeeping-v2", "CartPole-v1"):
+    for other in ("steer_env/DriverLaneKeeping-v3", "CartPole-v1"):
         env = gym.make(other)
         with pytest.raises(ValueError, match=r"whose action is an assist torque, got"):
             standard(name, env)

@@ -17,7 +17,7 @@ from tests.by_law import pairs
 
 KPH = 1.0 / 3.6
 DRIVERS, CHASSIS, CONTROL_DT = ("preview", "robot", "macadam"), ("two_track", "single_track"), (0.01, 0.05)
-LANE_CHANGE, SWERVE = "steer_env/DriverDoubleLaneChange-v2", "steer_env/DriverObstacleAvoidance-v2"
+LANE_CHANGE, SWERVE = "steer_env/DriverDoubleLaneChange-v3", "steer_env/DriverObstacleAvoidance-v3"
 
 
 def driven(name, driver, *, n, options=None, **kwargs):
@@ -88,7 +88,7 @@ def test_an_informed_driver_in_the_loop_is_told_as_well():
     gains = {}
     for informed in (True, False):
         for load in (0.0, 300.0):
-            env = gym.make("steer_env/AssistLaneChange-v2", driver={"driver": "preview", "informed": informed})
+            env = gym.make("steer_env/AssistLaneChange-v3", driver={"driver": "preview", "informed": informed})
             env.reset(seed=0, options={"load": load})
             gains[informed, load] = env.unwrapped.batch.drivers.arrays.gains[0]
     assert np.array_equal(gains[True, 0.0], gains[False, 300.0])
@@ -165,7 +165,7 @@ def test_an_angle_servo_parks(control_dt):
     """Rms error of a degree, and a hand torque with less than 0.05 N m rms above 10 Hz; alike in a single one."""
     from scipy import signal
 
-    n, name = 4, "steer_env/DriverParking-v2"
+    n, name = 4, "steer_env/DriverParking-v3"
     env = gym.make_vec(name, n, vectorization_mode="vector_entry_point", control_dt=control_dt)
     single = gym.make(name, control_dt=control_dt)
     servo, one = drivers.AngleServo(env), drivers.AngleServo(single)

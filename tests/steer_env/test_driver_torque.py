@@ -10,7 +10,7 @@ from steer_env.drivers.common.definition import NEUROMUSCULAR_STATES, TORQUE_LIM
 from steer_env.drivers.common.known_torque import known_torque
 from steer_env.vehicle import cars
 
-IN_LOOP, CONTROLLED = "steer_env/AssistLaneKeeping-v2", "steer_env/DriverLaneKeeping-v2"
+IN_LOOP, CONTROLLED = "steer_env/AssistLaneKeeping-v3", "steer_env/DriverLaneKeeping-v3"
 SPEEDS = (3.0, 4.0, 5.0, 8.0, 15.0, 30.0, 45.0, 60.0, 70.0)
 # About a third above the largest that were found on dry roads; sines of one frequency gave 2338 and -2204.
 STIFFNESS, DAMPING = 14.0, 7.5  # [N m/rad], [N m s/rad]

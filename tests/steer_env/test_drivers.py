@@ -66,7 +66,7 @@ def test_all_are_there():
 @pytest.mark.parametrize("law", FEW)
 def test_preview_takes_the_default_car_through_the_double_lane_change(law):
     """ISO 3888-1 at 80 km/h without a cone, arms between driver and handwheel, whatever the friction."""
-    env = gym.make("steer_env/DriverDoubleLaneChange-v2", friction=law)
+    env = gym.make("steer_env/DriverDoubleLaneChange-v3", friction=law)
     for mirrored in (0, 1):
         _, info = drive(env, "preview", options={"mirrored": mirrored, "entry_offset": 0.2, "entry_heading": 0.01})
         assert info["metrics"]["cones_hit"] == 0.0
@@ -75,7 +75,7 @@ def test_preview_takes_the_default_car_through_the_double_lane_change(law):
 
 @pytest.mark.parametrize("driver", WITH_PREVIEW)
 def test_a_mirrored_course_is_driven_mirrored_to_the_bit(driver):
-    env = gym.make("steer_env/DriverDoubleLaneChange-v2")
+    env = gym.make("steer_env/DriverDoubleLaneChange-v3")
     one, _ = drive(env, driver, options={"mirrored": 0, "entry_offset": 0.1, "entry_heading": -0.005})
     other, _ = drive(env, driver, options={"mirrored": 1, "entry_offset": -0.1, "entry_heading": 0.005})
     assert np.array_equal(one, other * [1.0, -1.0, -1.0, -1.0])
@@ -94,7 +94,7 @@ def test_every_driver_keeps_the_lane(name, driver):
 def test_arms_in_the_loop_are_stable(law, co_contraction):
     """Tensed or nearly relaxed, the driver in the loop keeps the lane without oscillation."""
     driver = drivers.make("preview", co_contraction=co_contraction)
-    env = gym.make("steer_env/AssistLaneKeeping-v2", driver=driver, friction=law)
+    env = gym.make("steer_env/AssistLaneKeeping-v3", driver=driver, friction=law)
     env.reset(seed=0)
     over = False
     while not over:
@@ -107,7 +107,7 @@ def test_arms_in_the_loop_are_stable(law, co_contraction):
 def test_tensed_arms_follow_the_path_better():
     offsets = []
     for co_contraction in (0.2, 1.0):
-        env = gym.make("steer_env/AssistLaneKeeping-v2", driver=drivers.make("preview", co_contraction=co_contraction))
+        env = gym.make("steer_env/AssistLaneKeeping-v3", driver=drivers.make("preview", co_contraction=co_contraction))
         env.reset(seed=0)
         over = False
         while not over:
@@ -119,7 +119,7 @@ def test_tensed_arms_follow_the_path_better():
 @pytest.mark.parametrize("law", ["coulomb", "lugre", "masing"])
 def test_a_handwheel_that_is_let_go_settles(law):
     """Hands off after a steady turn: it comes back by more than half, and stands still."""
-    env = gym.make("steer_env/AssistRelease-v3", friction=law, speed=100.0 / 3.6)
+    env = gym.make("steer_env/AssistRelease-v4", friction=law, speed=100.0 / 3.6)
     env.reset(seed=0, options={"amplitude": 0.4})
     over, angles = False, []
     while not over:
@@ -131,7 +131,7 @@ def test_a_handwheel_that_is_let_go_settles(law):
 
 
 def test_free_hands_give_nothing():
-    env = gym.make("steer_env/DriverLaneKeeping-v2")
+    env = gym.make("steer_env/DriverLaneKeeping-v3")
     observation, _ = env.reset(seed=0)
     assert drivers.Controller(env, "free").act(observation).tolist() == [0.0]
 
@@ -236,21 +236,21 @@ def test_a_reflex_answers_to_an_error_50_ms_old(ahead):
         (lambda: drivers.make("preview", effort=0.0), r"effort \[s2\] must be .*greater than 0"),
         (lambda: drivers.make("macadam", preview_time=9.0), r"preview_time \[s\] must be .*at most 1.5"),
         (lambda: drivers.make("two_point", near=0.0), r"near \[m\] must be .*at least 2"),
-        (lambda: gym.make("steer_env/AssistLaneKeeping-v2", driver=3), "driver must be one of .*free, .*got 3"),
-        (lambda: gym.make("steer_env/AssistWeave-v2", driver="preview"), "AssistWeave has no driver model in its loop"),
-        (lambda: drivers.Controller(gym.make("steer_env/AssistWeave-v2")), "no driver model can act in AssistWeave"),
+        (lambda: gym.make("steer_env/AssistLaneKeeping-v3", driver=3), "driver must be one of .*free, .*got 3"),
+        (lambda: gym.make("steer_env/AssistWeave-v3", driver="preview"), "AssistWeave has no driver model in its loop"),
+        (lambda: drivers.Controller(gym.make("steer_env/AssistWeave-v3")), "no driver model can act in AssistWeave"),
         (
-            lambda: drivers.Controller(gym.make("steer_env/DriverParking-v2")),
+            lambda: drivers.Controller(gym.make("steer_env/DriverParking-v3")),
             "no driver model can act in DriverParking",
         ),
         (
-            lambda: drivers.Controller(gym.make("steer_env/DriverLaneKeeping-v2", control_dt=0.005)),
+            lambda: drivers.Controller(gym.make("steer_env/DriverLaneKeeping-v3", control_dt=0.005)),
             "act every 10 ms; make the environment with a multiple of it as control_dt, not 0.005",
         ),
         (lambda: drivers.make("preview", informed="yes"), "informed must be True or False, got 'yes'"),
         (lambda: drivers.resolve({"driver": "robot", "informed": 1}), "informed must be True or False, got 1"),
         (
-            lambda: drivers.AngleServo(gym.make("steer_env/DriverLaneKeeping-v2")),
+            lambda: drivers.AngleServo(gym.make("steer_env/DriverLaneKeeping-v3")),
             "the angle servo cannot act in DriverLaneKeeping: it needs an observed target angle",
         ),
     ],
@@ -263,7 +263,7 @@ def test_bad_calls(call, message):
 @pytest.mark.parametrize("name", ["preview", "macadam", "robot"])
 def test_a_driver_takes_over_without_a_jump(name):
     """An offset that is there at the start is no step to answer: it asked for 4 to 10 N m within one decision."""
-    env = gym.make("steer_env/DriverDoubleLaneChange-v2")
+    env = gym.make("steer_env/DriverDoubleLaneChange-v3")
     driver, last, steps = drivers.Controller(env, name), 0.0, []
     for seed in range(4):
         observation, info = env.reset(seed=seed)

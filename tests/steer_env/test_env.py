@@ -32,8 +32,8 @@ from steer_env.vehicle.chassis import two_track
 IDS = tuple(DRIVEN)
 # Every id on every chassis that it runs on.
 RUNS = [(id_of(name), chassis) for name in tasks.available() for chassis in tasks.task(name).chassis]
-ALL_ROUND = "steer_env/AssistAllRound-v2"
-TUNED_ID = "steer_env/TuneOnCentre-v2"
+ALL_ROUND = "steer_env/AssistAllRound-v3"
+TUNED_ID = "steer_env/TuneOnCentre-v3"
 ACTION = np.array([0.1], np.float32)
 # Every id and chassis with the default law; in the whole suite with two others as well, so that every law meets both
 # chassis and every id three laws.
@@ -84,7 +84,7 @@ def test_stable_baselines3_accepts(name):
 
 def test_a_new_law_drives_an_environment(toy):
     assert "toy_jenkins" in friction.available()
-    env = gym.make("steer_env/AssistWeave-v2", friction=toy.make(k=80.0))
+    env = gym.make("steer_env/AssistWeave-v3", friction=toy.make(k=80.0))
     assert np.isfinite(run(env, 100)).all()
 
 
@@ -101,7 +101,7 @@ RUN = """
 import gymnasium, steer_env, tests.steer_env.test_env as t
 print(*[x.hex() for name in t.PLAIN for x in t.run(gymnasium.make(name, friction="masing"), 5).tolist()])
 """
-PLAIN = ("steer_env/AssistWeave-v2", "steer_env/DriverDoubleLaneChange-v2")
+PLAIN = ("steer_env/AssistWeave-v3", "steer_env/DriverDoubleLaneChange-v3")
 
 
 @pytest.mark.skipif(not COMPILED, reason="nothing is compiled")
@@ -134,7 +134,7 @@ def test_control_dt_changes_the_sampling_and_not_the_car(name):
 
 @pytest.mark.parametrize("chassis", ["single_track", "two_track"])
 def test_left_is_positive(chassis):
-    env = gym.make("steer_env/DriverLaneKeeping-v2", chassis=chassis).unwrapped
+    env = gym.make("steer_env/DriverLaneKeeping-v3", chassis=chassis).unwrapped
     env.reset(seed=0, options={"wind": 0.0, "road": 0.0})
     for _ in range(30):
         *_, info = env.step(np.array([0.2], np.float32))
@@ -143,7 +143,7 @@ def test_left_is_positive(chassis):
 
 
 def test_lane_keeping_ends_outside_the_lane():
-    env = gym.make("steer_env/DriverLaneKeeping-v2")
+    env = gym.make("steer_env/DriverLaneKeeping-v3")
     env.reset(seed=0)
     for _ in range(600):
         _, reward, terminated, _, info = env.step(np.array([0.5], np.float32))
@@ -158,7 +158,7 @@ def test_lane_keeping_ends_outside_the_lane():
 
 
 def test_a_car_that_rolls_over_ends_the_episode():
-    env = gym.make("steer_env/DriverLaneKeeping-v2", chassis="two_track", control_dt=0.01).unwrapped
+    env = gym.make("steer_env/DriverLaneKeeping-v3", chassis="two_track", control_dt=0.01).unwrapped
     env.reset(seed=0)
     env.batch.arrays.states[0, env.batch.states.index("roll_angle")] = 1.2
     _, reward, terminated, _, info = env.step(ACTION)
@@ -170,7 +170,7 @@ def test_a_car_that_spins_ends_the_episode(tmp_path):
     """Released from 3 rad at 60 m/s, the default car does without the damping of its motor."""
     undamped = tmp_path / "undamped.toml"
     undamped.write_text(f'base = "compact"\n[assist]\ndamping = {[0.0] * cars.load().assist.speeds.size}\n')
-    env = gym.make("steer_env/AssistRelease-v3", vehicle=str(undamped), speed=60.0)
+    env = gym.make("steer_env/AssistRelease-v4", vehicle=str(undamped), speed=60.0)
     env.reset(seed=0, options={"amplitude": 3.0})
     ended = False
     while not ended:
@@ -185,7 +185,7 @@ def test_metrics_end_with_the_episode_whatever_the_control_step():
     """A hand torque that rises to 5 N m in 0.1 s until the car leaves its lane."""
     found = []
     for control_dt in (0.01, 0.05, 0.1):
-        env = gym.make("steer_env/DriverLaneKeeping-v2", control_dt=control_dt)
+        env = gym.make("steer_env/DriverLaneKeeping-v3", control_dt=control_dt)
         env.reset(seed=2)
         ended, k = False, 0
         while not ended:
@@ -199,7 +199,7 @@ def test_metrics_end_with_the_episode_whatever_the_control_step():
 
 def test_short_control_steps_find_no_jerk_of_their_own():
     for control_dt, steps in ((0.001, 3000), (0.002, 1500), (0.01, 300)):
-        env = gym.make("steer_env/DriverLaneKeeping-v2", control_dt=control_dt)
+        env = gym.make("steer_env/DriverLaneKeeping-v3", control_dt=control_dt)
         env.reset(seed=3)
         assert sum(env.step(0 * ACTION)[4]["cost_terms"]["comfort"] for _ in range(steps)) == 0.0
 
@@ -216,7 +216,7 @@ def test_own_car_and_tyre(tmp_path):
     (tmp_path / "mycar.toml").write_text(car, encoding="utf-8")
     tyres.save(tyres.load(), tmp_path / "some.tir")
     arguments = {"vehicle": str(tmp_path / "mycar.toml"), "tyre": str(tmp_path / "some.tir")}
-    env = gym.make("steer_env/DriverLaneKeeping-v2", chassis="two_track", **arguments)
+    env = gym.make("steer_env/DriverLaneKeeping-v3", chassis="two_track", **arguments)
     _, info = env.reset(seed=0)
     assert set(plant.CHANNEL) < set(info)
     assert info["longitudinal_speed"] == pytest.approx(100.0 / 3.6, rel=0.01)
@@ -226,7 +226,7 @@ def test_own_car_and_tyre(tmp_path):
 
 
 def test_weave_truncates_after_its_duration():
-    env = gym.make("steer_env/AssistWeave-v2", control_dt=0.1)
+    env = gym.make("steer_env/AssistWeave-v3", control_dt=0.1)
     env.reset(seed=0)
     for step in range(1, 201):
         _, _, terminated, truncated, _ = env.step(ACTION)
@@ -237,7 +237,7 @@ def test_weave_truncates_after_its_duration():
 
 
 def test_reset_options_fix_the_case():
-    env = gym.make("steer_env/AssistWeave-v2")
+    env = gym.make("steer_env/AssistWeave-v3")
     env.reset(seed=0, options={"amplitude": 0.1})
     peak = 0.0
     for _ in range(1000):
@@ -323,7 +323,7 @@ def test_seeds(name):
     ],
 )
 def test_bad_actions(action, message):
-    env = gym.make("steer_env/AssistWeave-v2").unwrapped
+    env = gym.make("steer_env/AssistWeave-v3").unwrapped
     env.reset(seed=0)
     with pytest.raises(ValueError, match=message):
         env.step(action)
@@ -365,7 +365,7 @@ def test_no_step_after_close(name):
 
 
 def test_a_state_that_turns_nan_ends_the_episode_and_is_named():
-    env = gym.make("steer_env/DriverLaneKeeping-v2").unwrapped
+    env = gym.make("steer_env/DriverLaneKeeping-v3").unwrapped
     env.reset(seed=0)
     env.step(ACTION)
     env.batch.arrays.scripted_inputs[0, 2:, 2] = np.nan  # the rack disturbance
@@ -426,7 +426,7 @@ def test_weights_replace_the_tasks(name):
 
 def test_rewards_of_a_weave_are_those_of_the_recorded_channels():
     """Feel, effort and smoothness from what a user sees, at one evaluation a step."""
-    env, rng, last = gym.make("steer_env/AssistWeave-v2", control_dt=0.01), np.random.default_rng(4), 0.0
+    env, rng, last = gym.make("steer_env/AssistWeave-v3", control_dt=0.01), np.random.default_rng(4), 0.0
     squared = 0.0  # mean of the rate's square over 0.1 s
     env.reset(seed=1)
     for _ in range(300):
@@ -450,7 +450,7 @@ def test_rewards_of_a_weave_are_those_of_the_recorded_channels():
 def test_what_is_drawn_changes_the_car_and_an_option_fixes_it():
     """A held torque on two tracks: more load, less friction of the road, another speed, another level of friction."""
     ranges = {"load": (0, 400), "road_friction": (0.5, 1.0), "speed": (20, 30), "friction_level": (0.5, 2.0)}
-    env = gym.make("steer_env/DriverLaneKeeping-v2", chassis="two_track", randomise=ranges, control_dt=0.01)
+    env = gym.make("steer_env/DriverLaneKeeping-v3", chassis="two_track", randomise=ranges, control_dt=0.01)
     fixed = {"load": 300.0, "road_friction": 0.8, "speed": 25.0, "friction_level": 1.5, "wind": 0.0, "road": 0.0}
 
     def end(options):
@@ -483,7 +483,7 @@ def test_what_is_drawn_changes_the_car_and_an_option_fixes_it():
 def test_friction_does_not_act_straight_ahead(law, chassis):
     """A draw of friction alone begins as the plant that was driven straight with it, to the bit."""
     options = {"friction_level": 1.7, "friction_load": 0.2, "friction_asymmetry": 0.2, "friction_position": 0.3}
-    env = gym.make("steer_env/AssistWeave-v2", friction=law, chassis=chassis, randomise={"friction_level": (0.5, 2.0)})
+    env = gym.make("steer_env/AssistWeave-v3", friction=law, chassis=chassis, randomise={"friction_level": (0.5, 2.0)})
     batch = env.unwrapped.batch
     env.reset(seed=0, options=options)
     drawn = batch.conditions[0]
@@ -538,7 +538,7 @@ def test_a_drawn_plant_is_that_of_its_car(env_id, chassis):
     list(zip((*randomise.OF_MOTION, *randomise.OF_FRICTION), (9.0, 0.5, 20.0, 2.0, 0.1, 0.2, 0.3))),
 )
 def test_each_condition_alone_changes_the_plant(name, value):
-    batch = gym.make("steer_env/DriverLaneKeeping-v2", control_dt=0.01).unwrapped.batch
+    batch = gym.make("steer_env/DriverLaneKeeping-v3", control_dt=0.01).unwrapped.batch
     batch.start([0], [np.random.default_rng(0)], {})
     usual = batch.arrays.plants.copy()
     batch.start([0], [np.random.default_rng(0)], {name: value})
@@ -547,8 +547,8 @@ def test_each_condition_alone_changes_the_plant(name, value):
 
 
 def test_noise_has_its_size_and_a_delay_its_age():
-    env = gym.make("steer_env/AssistWeave-v2", randomise={"sensor_noise": (1, 1), "delay": (0.05, 0.05)}).unwrapped
-    clean = gym.make("steer_env/AssistWeave-v2").unwrapped
+    env = gym.make("steer_env/AssistWeave-v3", randomise={"sensor_noise": (1, 1), "delay": (0.05, 0.05)}).unwrapped
+    clean = gym.make("steer_env/AssistWeave-v3").unwrapped
     clean.reset(seed=0, options={"amplitude": 0.2})
     env.reset(seed=0, options={"amplitude": 0.2})
     seen, true = [], []

@@ -16,7 +16,7 @@ from steer_env.registration import DRIVEN
 from tests.steer_env.test_state import equal
 
 IDS = tuple(DRIVEN)
-LANE, WEAVE = "steer_env/DriverLaneKeeping-v2", "steer_env/AssistWeave-v2"
+LANE, WEAVE = "steer_env/DriverLaneKeeping-v3", "steer_env/AssistWeave-v3"
 RANDOM = {"load": (0, 300), "friction_level": (0.5, 1.5), "friction": {"F_c": (0.5, 1.5)}}
 DICTS = ("reward_terms", "cost_terms", "conditions", "metrics")
 

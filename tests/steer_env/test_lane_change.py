@@ -237,7 +237,7 @@ def test_a_cone_is_counted_once_while_the_car_stays_on_it():
 
 def test_a_car_that_goes_straight_on_beside_the_middle_touches_one_side_of_the_first_lane():
     """Four cones, 5 m apart: at 80 km/h and a decision every 50 ms the car is on each of them for several steps."""
-    env = gym.make("steer_env/DriverDoubleLaneChange-v2")
+    env = gym.make("steer_env/DriverDoubleLaneChange-v3")
     env.reset(seed=0, options={"entry_offset": 0.5, "entry_heading": 0.0, "mirrored": 0})
     over = False
     while not over:

@@ -7,7 +7,7 @@ import pytest
 from steer_env.registration import DRIVEN
 from tests.steer_env.test_state import equal, go_on
 
-LANE = "steer_env/DriverLaneKeeping-v2"
+LANE = "steer_env/DriverLaneKeeping-v3"
 EVERYTHING = {"load": (0, 300), "sensor_noise": (0.5, 1), "delay": (0, 0.05)}
 
 

@@ -22,7 +22,7 @@ from steer_env.tasks.common.definition import NON_FINITE
 from steer_env.tasks.common.reference_feel import reference_torque
 
 IDS = tuple(DRIVEN)
-LANE_CHANGE = "steer_env/DriverDoubleLaneChange-v2"
+LANE_CHANGE = "steer_env/DriverDoubleLaneChange-v3"
 STRAIGHT_ENTRY = {"entry_offset": 0.0, "entry_heading": 0.0}
 
 
@@ -61,7 +61,7 @@ def test_frames(name):
     two.close()
 
 
-@pytest.mark.parametrize("name", ["steer_env/AssistLaneChange-v2", "steer_env/DriverParking-v2"])
+@pytest.mark.parametrize("name", ["steer_env/AssistLaneChange-v3", "steer_env/DriverParking-v3"])
 def test_gymnasium_accepts_the_pictures(name):
     check_env(gym.make(name, render_mode="rgb_array").unwrapped)  # the suite takes a warning for an error
 
@@ -82,7 +82,7 @@ def test_a_mirrored_road_makes_a_mirrored_picture():
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_left_is_counter_clockwise_on_the_handwheel(side):
-    env = gym.make("steer_env/DriverParking-v2", render_mode="rgb_array", control_dt=0.01)
+    env = gym.make("steer_env/DriverParking-v3", render_mode="rgb_array", control_dt=0.01)
     env.reset(seed=0)
     info = acted(env, 40, 0.4 * side)
     assert 0.3 < side * info["handwheel_angle"] < 3.0
@@ -113,7 +113,7 @@ def test_touched_cones_change_their_colour():
 
 
 def test_a_state_that_is_not_finite_leaves_a_picture():
-    env = gym.make("steer_env/DriverParking-v2", render_mode="rgb_array").unwrapped
+    env = gym.make("steer_env/DriverParking-v3", render_mode="rgb_array").unwrapped
     env.reset(seed=0)
     env.batch.arrays.states[:] = math.nan
     *_, terminated, _, info = env.step(np.zeros(1, np.float32))
@@ -126,15 +126,15 @@ def test_a_state_that_is_not_finite_leaves_a_picture():
 def test_without_pygame_there_is_one_clear_error(monkeypatch, mode):
     monkeypatch.setitem(sys.modules, "pygame", None)
     with pytest.raises(gym.error.DependencyNotInstalled, match=r"pip install '\.\[render\]'"):
-        gym.make("steer_env/AssistWeave-v2", render_mode=mode)
-    gym.make("steer_env/AssistWeave-v2")
+        gym.make("steer_env/AssistWeave-v3", render_mode=mode)
+    gym.make("steer_env/AssistWeave-v3")
 
 
 def test_pygame_is_imported_for_pictures_alone_and_says_nothing():
     code = (
-        "import sys, gymnasium as gym, steer_env; gym.make('steer_env/AssistWeave-v2');"
+        "import sys, gymnasium as gym, steer_env; gym.make('steer_env/AssistWeave-v3');"
         "assert 'pygame' not in sys.modules;"
-        "gym.make('steer_env/AssistWeave-v2', render_mode='rgb_array'); assert 'pygame' in sys.modules"
+        "gym.make('steer_env/AssistWeave-v3', render_mode='rgb_array'); assert 'pygame' in sys.modules"
     )
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     assert done.stdout == ""
@@ -143,12 +143,12 @@ def test_pygame_is_imported_for_pictures_alone_and_says_nothing():
 def test_an_array_needs_no_window_system(monkeypatch):
     pygame.display.quit()
     monkeypatch.setenv("SDL_VIDEODRIVER", "none of this name")
-    env = gym.make("steer_env/AssistWeave-v2", render_mode="rgb_array")
+    env = gym.make("steer_env/AssistWeave-v3", render_mode="rgb_array")
     env.reset(seed=0)
     assert env.render().any()
     assert not pygame.display.get_init()
     env.close()
-    env = gym.make("steer_env/AssistWeave-v2", render_mode="human")
+    env = gym.make("steer_env/AssistWeave-v3", render_mode="human")
     with pytest.warns(UserWarning, match=r"needs a window.*nothing is shown; use render_mode='rgb_array'"):
         env.reset(seed=0)
     env.step(env.action_space.sample())  # goes on without another word
@@ -157,7 +157,7 @@ def test_an_array_needs_no_window_system(monkeypatch):
 @pytest.mark.parametrize("control_dt", [0.001, 0.01, 0.05])
 def test_pictures_at_their_rate_make_a_video_in_real_time(control_dt):
     """As many pictures in a simulated second as ``render_fps`` says: one a step, and some 25 in a list."""
-    name, second = "steer_env/AssistWeave-v2", round(1.0 / control_dt)
+    name, second = "steer_env/AssistWeave-v3", round(1.0 / control_dt)
     assert gym.make(name, control_dt=control_dt).metadata["render_fps"] == 1.0 / control_dt
     env = gym.make(name, render_mode="rgb_array", control_dt=control_dt)
     assert env.metadata["render_fps"] == 1.0 / control_dt
@@ -179,9 +179,9 @@ def test_pictures_at_their_rate_make_a_video_in_real_time(control_dt):
 
 
 def test_gymnasiums_own_wrappers_collect_and_record(tmp_path):
-    env = gym.make("steer_env/AssistWeave-v2", render_mode="rgb_array_list", control_dt=0.02)
+    env = gym.make("steer_env/AssistWeave-v3", render_mode="rgb_array_list", control_dt=0.02)
     recorded = gym.wrappers.RecordVideo(env, str(tmp_path)) if find_spec("moviepy") else None
-    collected = gym.wrappers.RenderCollection(gym.make("steer_env/AssistWeave-v2", render_mode="rgb_array"))
+    collected = gym.wrappers.RenderCollection(gym.make("steer_env/AssistWeave-v3", render_mode="rgb_array"))
     collected.reset(seed=0)
     acted(collected, 5)
     assert len(collected.render()) == 6  # each step
@@ -195,7 +195,7 @@ def test_gymnasiums_own_wrappers_collect_and_record(tmp_path):
 @pytest.mark.parametrize("mode", list(AutoresetMode))
 def test_a_vector_environment_gives_the_frame_of_each_sub_environment(mode):
     """Those of Gymnasium's own vector environment, also where an episode ends and begins anew."""
-    name, actions = "steer_env/DriverLaneKeeping-v2", np.array([[1.0], [0.1]], np.float32)
+    name, actions = "steer_env/DriverLaneKeeping-v3", np.array([[1.0], [0.1]], np.float32)
     arguments = {"num_envs": 2, "render_mode": "rgb_array", "control_dt": 0.1}
     ours = gym.make_vec(name, **arguments, autoreset_mode=mode)
     theirs = gym.make_vec(name, **arguments, vectorization_mode="sync", vector_kwargs={"autoreset_mode": mode})
@@ -223,7 +223,7 @@ def test_a_vector_environment_gives_the_frame_of_each_sub_environment(mode):
 
 
 def test_a_vector_environment_keeps_lists_and_is_copied_with_its_pictures():
-    vector = gym.make_vec("steer_env/AssistWeave-v2", num_envs=2, render_mode="rgb_array_list")
+    vector = gym.make_vec("steer_env/AssistWeave-v3", num_envs=2, render_mode="rgb_array_list")
     vector.reset(seed=0)
     for _ in range(10):
         vector.step(np.zeros((2, 1), np.float32))
@@ -231,7 +231,7 @@ def test_a_vector_environment_keeps_lists_and_is_copied_with_its_pictures():
     one, two = vector.render(), other.render()
     assert [len(frames) for frames in one] == [3, 3]  # at 0, 40 and 80 ms
     assert all(np.array_equal(a, b) for each in zip(one, two) for a, b in zip(*each))
-    silent = gym.make_vec("steer_env/AssistWeave-v2", num_envs=2)
+    silent = gym.make_vec("steer_env/AssistWeave-v3", num_envs=2)
     with pytest.warns(UserWarning, match="render_mode='rgb_array'"):
         assert silent.render() is None
 
@@ -249,7 +249,7 @@ def test_the_wanted_hand_torque_is_drawn_where_the_task_scores_it(name):
 
 
 def test_the_drawn_torque_is_the_reference_feel_until_the_hands_let_go():
-    env = gym.make("steer_env/AssistRelease-v3", render_mode="rgb_array")
+    env = gym.make("steer_env/AssistRelease-v4", render_mode="rgb_array")
     env.reset(seed=0)
     for k in range(1, 101 + round(release.RELEASE_TIME / 0.01)):
         *_, info = env.step(np.zeros(1, np.float32))
@@ -270,7 +270,7 @@ def test_a_window_shows_25_frames_a_second_as_time_passes(monkeypatch):
         return show(self, title, period)
 
     monkeypatch.setattr(Canvas, "show", counted)
-    env = gym.make("steer_env/AssistWeave-v2", render_mode="human")
+    env = gym.make("steer_env/AssistWeave-v3", render_mode="human")
     env.reset(seed=0)
     start = time.perf_counter()
     acted(env, 50)
@@ -283,7 +283,7 @@ def test_a_window_shows_25_frames_a_second_as_time_passes(monkeypatch):
 
 
 def test_an_episode_goes_on_without_a_window_that_was_closed():
-    env = gym.make("steer_env/AssistWeave-v2", render_mode="human")
+    env = gym.make("steer_env/AssistWeave-v3", render_mode="human")
     env.reset(seed=0)
     pygame.event.post(pygame.event.Event(pygame.QUIT))
     acted(env, 20)
@@ -295,16 +295,16 @@ def test_an_episode_goes_on_without_a_window_that_was_closed():
 
 @pytest.mark.parametrize("mode", ["rgb_array", "human"])
 def test_closing_twice_does_no_harm(mode):
-    env = gym.make("steer_env/AssistWeave-v2", render_mode=mode)
+    env = gym.make("steer_env/AssistWeave-v3", render_mode=mode)
     env.reset(seed=0)
     env.close()
     env.close()
-    gym.make("steer_env/AssistWeave-v2", render_mode=mode).close()  # nothing drawn
+    gym.make("steer_env/AssistWeave-v3", render_mode=mode).close()  # nothing drawn
 
 
 @pytest.mark.parametrize("mode", ["rgb_array", "human"])
 def test_a_closed_environment_draws_no_more(mode):
-    env = gym.make("steer_env/AssistWeave-v2", render_mode=mode)
+    env = gym.make("steer_env/AssistWeave-v3", render_mode=mode)
     env.reset(seed=0)
     env.close()
     with pytest.raises(gym.error.ClosedEnvironmentError, match=r"after close.*make the environment anew"):
@@ -312,7 +312,7 @@ def test_a_closed_environment_draws_no_more(mode):
 
 
 def test_fonts_outlive_another_environment_that_ends_pygame():
-    env = gym.make("steer_env/AssistWeave-v2", render_mode="rgb_array")
+    env = gym.make("steer_env/AssistWeave-v3", render_mode="rgb_array")
     env.reset(seed=0)
     env.render()
     pygame.quit()

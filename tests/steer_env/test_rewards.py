@@ -330,11 +330,11 @@ def test_the_torque_known_to_the_driver_in_the_loop_is_that_of_the_car():
 
 def test_scenarios_of_the_all_round_task_are_those_of_its_parts():
     """A weave of AssistAllRound is the AssistWeave of the same car, speed and amplitude."""
-    whole = gym.make("steer_env/AssistAllRound-v2").unwrapped
+    whole = gym.make("steer_env/AssistAllRound-v3").unwrapped
     whole.reset(seed=SEED, options={"scenario": 0})
     row, data = whole.batch.episodes[0], whole.batch.arrays.scripted_inputs[0]
     amplitude = float(np.abs(data[:, 0]).max())
-    part = gym.make("steer_env/AssistWeave-v2", chassis="two_track", speed=float(row["held_speed"])).unwrapped
+    part = gym.make("steer_env/AssistWeave-v3", chassis="two_track", speed=float(row["held_speed"])).unwrapped
     part.reset(seed=SEED, options={"amplitude": amplitude})
     scale = float(np.abs(part.batch.arrays.scripted_inputs[0][:, 0]).max()) / amplitude
     part.reset(seed=SEED, options={"amplitude": amplitude / scale})
@@ -348,8 +348,8 @@ def test_scenarios_of_the_all_round_task_are_those_of_its_parts():
 @pytest.mark.parametrize("arguments", [{"speed": 20.0}, {"randomise": {"speed": (10, 20)}}])
 def test_the_all_round_task_draws_its_own_speeds(arguments):
     with pytest.raises(ValueError, match="draws its speeds"):
-        gym.make("steer_env/AssistAllRound-v2", **arguments)
-    env = gym.make("steer_env/AssistAllRound-v2")
+        gym.make("steer_env/AssistAllRound-v3", **arguments)
+    env = gym.make("steer_env/AssistAllRound-v3")
     with pytest.raises(ValueError, match="draws its speeds"):
         env.reset(options={"speed": 20.0})
 
@@ -392,11 +392,11 @@ def test_a_cost_is_its_quantity_over_its_budget(name, cost, exceeds):
 def test_weights_by_which_a_failure_would_pay_are_refused(weights):
     (name,) = weights
     with pytest.raises(ValueError, match=rf"weights\['{name}'\] must be"):
-        gym.make("steer_env/AssistWeave-v2", weights=weights)
+        gym.make("steer_env/AssistWeave-v3", weights=weights)
 
 
 def test_the_scenario_is_told_in_the_info_alone():
-    env = gym.make("steer_env/AssistAllRound-v2")
+    env = gym.make("steer_env/AssistAllRound-v3")
     for scenario in range(4):
         _, info = env.reset(options={"scenario": scenario})
         assert info["conditions"]["scenario"] == scenario
@@ -405,13 +405,13 @@ def test_the_scenario_is_told_in_the_info_alone():
 
 
 def test_the_last_action_is_known_without_delay():
-    env = gym.make("steer_env/AssistWeave-v2", randomise={"delay": (0.1, 0.1)}, normalise=False).unwrapped
+    env = gym.make("steer_env/AssistWeave-v3", randomise={"delay": (0.1, 0.1)}, normalise=False).unwrapped
     place = [quantity.name for quantity in env.batch.observed].index("last_action")
     env.reset(seed=SEED)
     for k in range(20):
         observation, *_ = env.step(np.array([0.01 * k], np.float32))
         assert observation[place] == np.float32(0.01 * k)
-    other = gym.make("steer_env/AssistWeave-v2", randomise={"delay": (0.1, 0.1)}, normalise=False).unwrapped
+    other = gym.make("steer_env/AssistWeave-v3", randomise={"delay": (0.1, 0.1)}, normalise=False).unwrapped
     other.reset(seed=SEED + 1)
     other.set_state(env.get_state())
     assert other.batch.arrays.observations[0, place] == np.float32(0.19)
@@ -438,7 +438,7 @@ def test_a_jump_costs_more_smoothness_than_a_slow_change_and_chatter_more_than_b
 
 @pytest.mark.parametrize(("dt", "lag"), [(0.05, 0.0), (0.01, 0.0), (0.05, 0.05), (0.005, 0.1)])
 def test_a_drivers_torque_goes_on_straight_lines_behind_its_lag(dt, lag):
-    env = gym.make("steer_env/DriverLaneKeeping-v2", control_dt=dt).unwrapped
+    env = gym.make("steer_env/DriverLaneKeeping-v3", control_dt=dt).unwrapped
     _, info = env.reset(seed=SEED, options={"action_lag": lag})
     assert info["conditions"]["action_lag"] == lag
     given, last, rng, asked = 0.0, 0.0, np.random.default_rng(SEED), []
@@ -457,7 +457,7 @@ def test_a_drivers_torque_goes_on_straight_lines_behind_its_lag(dt, lag):
 
 
 def test_an_assists_torque_is_held_and_its_lag_counts_in_its_work():
-    env = gym.make("steer_env/AssistWeave-v2").unwrapped
+    env = gym.make("steer_env/AssistWeave-v3").unwrapped
     inputs = env.batch.arrays.inputs
     for lag, expected in ((0.0, np.full(10, 2.5)), (0.02, 2.5 * (1.0 - np.exp(-np.arange(1, 11) / 20.0)))):
         env.reset(seed=SEED, options={"action_lag": lag})

@@ -11,8 +11,8 @@ from stable_baselines3.common.vec_env import VecCheckNan, VecFrameStack, VecMoni
 from steer_env.sb3 import SteerVecEnv
 from tests.steer_env.test_state import equal
 
-WEAVE = "steer_env/AssistWeave-v2"
-TUNE = "steer_env/TuneOnCentre-v2"
+WEAVE = "steer_env/AssistWeave-v3"
+TUNE = "steer_env/TuneOnCentre-v3"
 
 
 def to_the_end(env, action):
@@ -42,16 +42,16 @@ def test_a_truncated_episode_tells_its_last_observation_and_the_time_limit():
 
 
 def test_a_terminated_episode_is_no_time_limit():
-    env = SteerVecEnv("steer_env/DriverLaneKeeping-v2", 1)
+    env = SteerVecEnv("steer_env/DriverLaneKeeping-v3", 1)
     *_, infos = to_the_end(env, np.full((1, 1), 0.5, np.float32))
     assert infos[0]["TimeLimit.truncated"] is False
 
 
 def test_every_info_has_cost_and_failure_and_that_of_a_reset_is_whole():
-    env = SteerVecEnv("steer_env/DriverLaneKeeping-v2", 2)
+    env = SteerVecEnv("steer_env/DriverLaneKeeping-v3", 2)
     env.seed(3)
     env.reset()
-    single = gym.make("steer_env/DriverLaneKeeping-v2")
+    single = gym.make("steer_env/DriverLaneKeeping-v3")
     assert equal(env.reset_infos[1], single.reset(seed=4)[1])
     for _ in range(10):
         *_, infos = env.step(np.zeros((2, 1), np.float32))

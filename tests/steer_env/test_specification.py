@@ -16,7 +16,7 @@ from steer_env.vehicle import cars, road
 from steer_env.vehicle import tyre as tyres
 from tests.steer_env.test_env import RUNS
 
-KEEPING, LANE_CHANGE = "steer_env/DriverLaneKeeping-v2", "steer_env/AssistLaneChange-v2"
+KEEPING, LANE_CHANGE = "steer_env/DriverLaneKeeping-v3", "steer_env/AssistLaneChange-v3"
 CAR = {"base": "compact", "chassis": {"mass": 1400.0, "sprung_mass": 1268.6}}
 BUMP = {"road": "bump", "height": 0.02, "length": 1.0, "at": 10.0, "side": "left"}
 
@@ -114,7 +114,7 @@ def test_a_vector_environment_keeps_its_reset_mode():
 
 def test_a_tuning_environment_is_made_again():
     arguments = {"friction": friction.make("masing", elements=4), "vehicle": CAR}
-    env = gym.make("steer_env/TuneOnCentre-v2", **arguments)
+    env = gym.make("steer_env/TuneOnCentre-v3", **arguments)
     again = gym.make(EnvSpec.from_json(env.spec.to_json()))
     assert again.spec.kwargs["friction"]["law"] == "masing"
     assert np.array_equal(again.reset(seed=1)[0], env.reset(seed=1)[0])

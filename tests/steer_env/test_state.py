@@ -19,7 +19,7 @@ from steer_env.friction.numerics.kernel import COMPILED
 from steer_env.registration import DRIVEN, TUNED
 from steer_env.vehicle import road
 
-LANE, WEAVE = "steer_env/DriverLaneKeeping-v2", "steer_env/AssistWeave-v2"
+LANE, WEAVE = "steer_env/DriverLaneKeeping-v3", "steer_env/AssistWeave-v3"
 EVERYTHING = {"load": (0, 300), "friction_level": (0.5, 1.5), "sensor_noise": (0.5, 1), "delay": (0, 0.05)}
 EVERYTHING |= {"action_gain": (0.8, 1.2), "action_lag": (0, 0.1), "friction": {"F_c": (0.5, 1.5)}}
 MODES = [mode.value for mode in AutoresetMode]
@@ -106,7 +106,7 @@ def test_a_copy_goes_on_to_the_bit(name, way):
 @WAYS
 def test_a_copy_between_two_updates_of_a_driver_model(way):
     """At 1 ms the driver model acts at every tenth step."""
-    made = partial(gym.make, "steer_env/AssistLaneKeeping-v2", randomise=EVERYTHING, control_dt=0.001)
+    made = partial(gym.make, "steer_env/AssistLaneKeeping-v3", randomise=EVERYTHING, control_dt=0.001)
     env = made()
     env.reset(seed=3)
     go_on(env, 1003, seed=0)
@@ -190,7 +190,7 @@ def test_gymnasiums_own_test_of_pickling(name):
 @pytest.mark.parametrize("way", [by_pickle, by_deepcopy])
 def test_a_tuning_environment_is_copied_in_an_episode(way):
     """A set tried, and with it the best one so far; the prepared tests are not searched for again."""
-    env = gym.make("steer_env/TuneOnCentre-v2", randomise={"load": (0, 300)}, friction="masing").unwrapped
+    env = gym.make("steer_env/TuneOnCentre-v3", randomise={"load": (0, 300)}, friction="masing").unwrapped
     env.reset(seed=0)
     env.step(env.baseline_action)
     other = way(env, None)
@@ -208,7 +208,7 @@ def test_a_tuning_environment_is_copied_in_an_episode(way):
 def test_a_copy_compiles_nothing(way):
     """Arrays of a copy have the types of the original: a Masing set, a driver model and a road of its own."""
     arguments = {"friction": "masing", "chassis": "two_track", "road": road.iso8608(1, "B")}
-    env = gym.make("steer_env/AssistLaneChange-v2", **arguments)
+    env = gym.make("steer_env/AssistLaneChange-v3", **arguments)
     env.reset(seed=0)
     compiled = [len(kernel.overloads) for kernel in (advance, evaluate)]
     other = way(env, None)
@@ -314,7 +314,7 @@ def test_a_state_of_another_kind_is_refused(name, arguments, message):
 
 
 def test_a_state_of_another_driver_law_version_or_size_is_refused():
-    name = "steer_env/AssistLaneKeeping-v2"
+    name = "steer_env/AssistLaneKeeping-v3"
     env = gym.make(name).unwrapped
     env.reset(seed=0)
     state = env.get_state()
@@ -335,7 +335,7 @@ def test_a_state_of_another_driver_law_version_or_size_is_refused():
 
 def test_drivers_that_have_driven_are_copied():
     """Their kernel is looked up again."""
-    env = gym.make("steer_env/AssistLaneKeeping-v2", driver=make("two_point")).unwrapped
+    env = gym.make("steer_env/AssistLaneKeeping-v3", driver=make("two_point")).unwrapped
     env.reset(seed=0)
     go_on(env, 10)
     copied = copy.deepcopy(env.batch.drivers)

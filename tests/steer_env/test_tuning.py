@@ -27,7 +27,7 @@ ALL_ROUND, ON_CENTRE = IDS
 EVERYTHING = {"load": (0, 300), "road_friction": (0.8, 1.0), "friction_level": (0.5, 2), "speed": (20, 40)}
 # Every scenario with the default law, the shorter one with other laws too.
 OTHERS = ("coulomb", "masing")
-ONLY = {"steer_env/TuneOnCentre-v2": {"boost_low_speed", "damping_low_speed"}, "steer_env/TuneAllRound-v2": set()}
+ONLY = {"steer_env/TuneOnCentre-v3": {"boost_low_speed", "damping_low_speed"}, "steer_env/TuneAllRound-v3": set()}
 AS_TARGETS = {"detuning": 0.0, "tolerance": 1.0}  # from the car's own set to the target bands
 
 
@@ -456,7 +456,7 @@ def test_functions_of_the_assist_can_be_tuned(tmp_path):
     """A strength is off at -1 and the car's own at 0; the best set becomes a car file."""
     names = ["damping_level", "return_gain", "friction_share", "lead_lag_gain"]
     own = {"base": "compact", "assist": {"friction_share": [0.2] * 4 + [0.4] * 4, "friction_law": "dahl"}}
-    env = gym.make("steer_env/TuneOnCentre-v2", vehicle=own, parameters=names, **AS_TARGETS).unwrapped
+    env = gym.make("steer_env/TuneOnCentre-v3", vehicle=own, parameters=names, **AS_TARGETS).unwrapped
     assert env.parameters["friction_share"] == ("1", 0.0, 0.4, 1.0)
     assert env.parameters["return_gain"] == ("N m/rad", 0.0, 0.0, 10.0)
     env.reset(seed=0)
@@ -474,4 +474,4 @@ def test_functions_of_the_assist_can_be_tuned(tmp_path):
     assert type(again.friction_compensation.law) is type(friction.make("dahl"))
     for wrong in (["boost"], "return_gain", ["return_gain"] * 2, []):
         with pytest.raises(ValueError, match=r"parameters must be a list of boost_level, .* each once, got"):
-            gym.make("steer_env/TuneOnCentre-v2", parameters=wrong)
+            gym.make("steer_env/TuneOnCentre-v3", parameters=wrong)

@@ -17,7 +17,7 @@ from steer_env.registration import DRIVEN
 from tests.steer_env.test_state import equal
 
 IDS = tuple(DRIVEN)
-WEAVE, COURSE = "steer_env/AssistWeave-v2", "steer_env/DriverDoubleLaneChange-v2"
+WEAVE, COURSE = "steer_env/AssistWeave-v3", "steer_env/DriverDoubleLaneChange-v3"
 RANDOM = {
     "load": (0, 300),
     "road_friction": (0.6, 1.0),

@@ -148,10 +148,10 @@ def _controllers() -> Iterator[tuple[str, dict[str, np.ndarray]]]:
     from steer_env import assists, drivers
 
     for name in assists.available():
-        for env_id in ("steer_env/AssistRelease-v3", "steer_env/AssistAllRound-v2"):
+        for env_id in ("steer_env/AssistRelease-v4", "steer_env/AssistAllRound-v3"):
             yield f"assist {name} {env_id}", _controlled(env_id, lambda env, name=name: assists.make(name, env))
     for name in drivers.available():
-        env_id = "steer_env/DriverDoubleLaneChange-v2"
+        env_id = "steer_env/DriverDoubleLaneChange-v3"
         yield f"driver {name}", _controlled(env_id, lambda env, name=name: drivers.Controller(env, name))
 
 

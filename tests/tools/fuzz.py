@@ -40,7 +40,7 @@ CASE = (
 )
 LONGEST, HANGS = 10.0, 60.0  # processor time of a case, with that of its processes, and time on a busy machine [s]
 ROWS = 400  # of a recording, which the readers read quickly
-ENV_ID = "steer_env/DriverOnCentre-v2"
+ENV_ID = "steer_env/DriverOnCentre-v3"
 # Audit events of code that is not a reader's. Libraries that a reader loads are loaded by the seeds before.
 FOREIGN = {
     "pickle.find_class",
@@ -218,9 +218,9 @@ def readers(folder: Path) -> dict[str, Reader]:
     tyres = ROOT / "vehicle" / "data" / "tyres"
     tolerances, bands = DATA / "tolerances", ROOT / "steer_env" / "targets"
     policies = {
-        f"{name}.zip": (DATA / "policies" / name / "policy.zip").read_bytes() for name in ("DriverOnCentre-v2",)
+        f"{name}.zip": (DATA / "policies" / name / "policy.zip").read_bytes() for name in ("DriverOnCentre-v3",)
     }
-    curve = next((DATA / "policies" / "DriverOnCentre-v2").glob("*.csv"))
+    curve = next((DATA / "policies" / "DriverOnCentre-v3").glob("*.csv"))
     fitted = {"friction": {"law": "lugre", "F_c": 1.2}, "units": {"displacement": "rad", "torque": "N m"}}
     fitted |= {"level": {"load": 0.1}, "undetermined": ["F_c"]}
     external = (

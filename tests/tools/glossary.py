@@ -149,7 +149,7 @@ of good production sensors, assumed. Observations that are not listed have no no
 _VECTOR = """
 ## Vector environments
 
-`gymnasium.make_vec("steer_env/AssistWeave-v2", num_envs=64, threads=2, autoreset_mode="SameStep")` steps 64
+`gymnasium.make_vec("steer_env/AssistWeave-v3", num_envs=64, threads=2, autoreset_mode="SameStep")` steps 64
 sub-environments in two threads and resets a finished one in the same step. A vector environment of a tuning id drives
 parameter sets in worker processes (below); `steer_env.experiments.learning.parameter_sets` drives many of them on other
 machines, too. Gymnasium's own vector environments of an id (`vectorization_mode="sync"`) give the same observations,

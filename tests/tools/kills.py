@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 ROOT = Path(__file__).parents[2]
 STEER_ENV = (sys.executable, "-c", "import sys; from steer_env.experiments.cli.main import main; sys.exit(main())")
 WORKERS = ("--workers", "2")
-POLICY = str(ROOT / "experiments" / "data" / "policies" / "DriverOnCentre-v2" / "policy.zip")
+POLICY = str(ROOT / "experiments" / "data" / "policies" / "DriverOnCentre-v3" / "policy.zip")
 KERNELS = Path(tempfile.gettempdir()) / "steer-env-kills"  # compiled code, which the commands share
 GONE = 10.0  # time in which the workers of a killed command end [s]
 NOTHING = ("has no study that could be resumed", "holds no checkpoint to resume")
@@ -47,10 +47,10 @@ COMMANDS = {
     "study": Command((*STEER_ENV, "study", "loop-width", *WORKERS), out=False),
     "evaluate": Command((*STEER_ENV, "policy", "evaluate", POLICY, "--episodes", "4", *WORKERS)),
     "train": Command(
-        (*STEER_ENV, "train", "--env", "steer_env/DriverOnCentre-v2", "--steps", "20000", "--episodes", "2")
+        (*STEER_ENV, "train", "--env", "steer_env/DriverOnCentre-v3", "--steps", "20000", "--episodes", "2")
     ),
     "audit": Command(
-        (sys.executable, "-m", "tests.maintain", "audit", "--env", "steer_env/AssistWeave-v2", "--rounds", "2",
+        (sys.executable, "-m", "tests.maintain", "audit", "--env", "steer_env/AssistWeave-v3", "--rounds", "2",
          "--steps", "0", *WORKERS),
         out=False,
     ),

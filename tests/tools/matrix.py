@@ -33,7 +33,7 @@ expected = p.F_c * (1.0 - np.exp(-x * p.sigma_0 / p.F_c))
 error = float(np.abs(friction.response(p, x, 0.01) - expected).max())
 assert error < 1e-13, error
 
-env = gymnasium.make("steer_env/AssistWeave-v2", friction="lugre")
+env = gymnasium.make("steer_env/AssistWeave-v3", friction="lugre")
 seen, _ = env.reset(seed=1)
 digest = hashlib.sha256(seen.tobytes())
 for i in range(50):

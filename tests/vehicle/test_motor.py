@@ -107,7 +107,7 @@ def test_keys_give_the_limits_again():
 
 
 def test_rows_and_single_environments_meet_the_limits_alike():
-    name, actions = "steer_env/DriverParking-v2", np.full((6, 1), 1.0, np.float32)
+    name, actions = "steer_env/DriverParking-v3", np.full((6, 1), 1.0, np.float32)
     limits = {
         **CURVE,
         "motor_torques": [0.4, 0.2, 0.1, 0.1, 0.0, 0.0],

@@ -176,7 +176,7 @@ def test_friction_of_its_sites():
 
 
 def test_vector_environment_is_the_single_one():
-    name, actions = "steer_env/DriverOnCentre-v2", np.linspace(-0.4, 0.4, 10, dtype=np.float32)
+    name, actions = "steer_env/DriverOnCentre-v3", np.linspace(-0.4, 0.4, 10, dtype=np.float32)
     single = gym.make(name, steering="rack_eps")
     batch = gym.make_vec(name, num_envs=2, vectorization_mode="vector_entry_point", steering="rack_eps")
     assert single.unwrapped.batch.car is CAR

@@ -35,7 +35,7 @@ def test_the_step_equation_rises_for_what_is_taken_and_not_for_what_is_refused()
 
 def test_the_refusal_names_law_slope_step_and_remedy():
     for make in (
-        lambda: gymnasium.make("steer_env/AssistWeave-v2", friction=STEEP),
+        lambda: gymnasium.make("steer_env/AssistWeave-v3", friction=STEEP),
         lambda: build_plant(cars.load(), manoeuvres.make("weave"), STEEP),
         lambda: cars.load().plant(STEEP, robot=True),
     ):
@@ -76,12 +76,12 @@ def test_a_law_that_no_step_helps_is_told_so():
 
 def test_a_range_that_is_too_steep_at_its_end_is_refused_when_the_environment_is_made():
     edge = {**STEEP, "F_s": 1.02}
-    gymnasium.make("steer_env/AssistWeave-v2", friction=edge).close()
+    gymnasium.make("steer_env/AssistWeave-v3", friction=edge).close()
     with pytest.raises(ValueError, match=r"falls with the speed.*level 5"):
-        gymnasium.make("steer_env/AssistWeave-v2", friction=edge, randomise={"friction_level": (1.0, 5.0)})
+        gymnasium.make("steer_env/AssistWeave-v3", friction=edge, randomise={"friction_level": (1.0, 5.0)})
     with pytest.raises(ValueError, match="falls with the speed"):
-        gymnasium.make("steer_env/AssistWeave-v2", friction=edge, randomise={"friction": {"F_s": (1.02, 2.0)}})
-    environment = gymnasium.make("steer_env/AssistWeave-v2", friction=edge)
+        gymnasium.make("steer_env/AssistWeave-v3", friction=edge, randomise={"friction": {"F_s": (1.02, 2.0)}})
+    environment = gymnasium.make("steer_env/AssistWeave-v3", friction=edge)
     with pytest.raises(ValueError, match="falls with the speed"):
         environment.reset(seed=1, options={"friction_level": 5.0})
 

@@ -26,9 +26,9 @@ def rows() -> Iterator[Row]:
         yield _time(f"1 ms on {chassis}", 1e9 * times[chassis], 700.0, "ns")
     with tempfile.TemporaryDirectory() as cache:
         for what, most in (("compiled", 10.0), ("from the cache", 2.0)):
-            yield _time(f"first step, {what}", step_time.first_step("steer_env/AssistWeave-v2", cache), most, "s")
+            yield _time(f"first step, {what}", step_time.first_step("steer_env/AssistWeave-v3", cache), most, "s")
     with tempfile.TemporaryDirectory() as cache:
-        seconds = step_time.first_step("steer_env/AssistWeave-v2", cache, "two_track")
+        seconds = step_time.first_step("steer_env/AssistWeave-v3", cache, "two_track")
         yield Row("first step on two tracks, compiled", f"{seconds:.1f} s", "no limit", "")
 
 

@@ -44,7 +44,7 @@ ORDERS = ((2.0, "twice"), (8.0, "eight times"))  # in a turn of the column: a jo
 COLD, RATE = -30.0, 0.01  # temperature below that of the calibration [K], and decrease of friction by it [1/K]; assumed
 SUBSTEPS = (2, 4)  # steps in a sample of 1 ms
 COLUMN_FRICTION = 0.15  # above the torsion bar: column bearings and shaft, 0.1 to 0.2 N m; assumed [N m]
-DRIVER_TASKS = ("steer_env/AssistLaneKeeping-v2", "steer_env/AssistWeave-v2")  # a driver with arms in the loop
+DRIVER_TASKS = ("steer_env/AssistLaneKeeping-v3", "steer_env/AssistWeave-v3")  # a driver with arms in the loop
 
 
 class Case(NamedTuple):

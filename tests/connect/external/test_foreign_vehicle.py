@@ -263,11 +263,11 @@ def test_a_unit_with_other_names_needs_a_mapping(vehicle):
 
 def test_where_no_external_vehicle_can_be(vehicle):
     with pytest.raises(ValueError, match="is an external vehicle, which drives in manoeuvres only"):
-        gymnasium.make("steer_env/AssistWeave-v2", chassis=str(vehicle))
+        gymnasium.make("steer_env/AssistWeave-v3", chassis=str(vehicle))
     with pytest.raises(ValueError, match="is an external vehicle, which drives in manoeuvres only"):
-        gymnasium.make_vec("steer_env/AssistWeave-v2", num_envs=2, chassis=str(vehicle))
+        gymnasium.make_vec("steer_env/AssistWeave-v3", num_envs=2, chassis=str(vehicle))
     with pytest.raises(ValueError, match="is an external vehicle, which drives in manoeuvres only"):
-        gymnasium.make("steer_env/TuneOnCentre-v2", chassis=str(vehicle))
+        gymnasium.make("steer_env/TuneOnCentre-v3", chassis=str(vehicle))
     with pytest.raises(ValueError, match="is an external vehicle, which drives in manoeuvres only"):
         CAR.plant(chassis=str(vehicle))
     weave = manoeuvres.make("weave")

@@ -171,7 +171,7 @@ def test_a_policy_drives_through_the_cones_and_hands_take_the_wheel_back(page, b
     begin(browser, page)
     for _ in range(4):
         browser.key("ArrowDown")  # to 80 km/h, for which it was trained
-    browser.value(f"{POLICY}('steer_env/DriverDoubleLaneChange-v2')")
+    browser.value(f"{POLICY}('steer_env/DriverDoubleLaneChange-v3')")
     browser.until("document.getElementById('notice').textContent.endsWith('drives.')")
     browser.value(KEEP)
     browser.key("p")

@@ -85,7 +85,7 @@ def test_the_page_has_assists_and_a_driver():
         ALL_ROUND: ("assist", "lugre", None),
     }
     with pytest.raises(ValueError, match="no policy is shipped with"):
-        policies.described("steer_env/DriverLaneKeeping-v2")
+        policies.described("steer_env/DriverLaneKeeping-v3")
 
 
 def test_a_page_is_written_without_torch(monkeypatch):
