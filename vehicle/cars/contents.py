@@ -31,7 +31,7 @@ _HEADINGS = {
     "wheel, one for each wheel. Bump is positive.",
     "rack_eps": "This section makes the steering a rack EPS: inertia and damping below the torsion bar and the limit\n"
     "of the assist follow from it. A boost here, in N at the rack, may replace that of the assist. Losses of the gear\n"
-    "are friction, --friction lugre@rack_eps.",
+    "are friction, which is lugre@rack_eps where none is given.",
     "column": "What the driver feels through: the handwheel, the torsion bar and what is below it.",
     "assist": "Torques are those at the column.",
     "drivetrain": "Only two tracks have a drivetrain, brakes and a speed hold.",

@@ -19,7 +19,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     options.add(parser, "--episodes", default=100, type=options.whole_number(1, HELD_OUT))
     text = f"of the first episode; all stay below {HELD_OUT}, where held-out episodes begin"
     options.add(parser, "--seed", text, 0, type=options.whole_number(0, HELD_OUT - 1))
-    options.add(parser, "--friction", otherwise="lugre, or that of the training")
+    options.add(parser, "--friction", otherwise=f"{options.OF_CAR}, or that of the training")
     car_options.add(parser, default=None)
     options.add_out(parser, "of the data set, replaced as a whole", "dataset")
 

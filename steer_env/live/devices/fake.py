@@ -90,6 +90,7 @@ PEOPLE = {
     "weave": "steers a sine, which grows over its first cycle",
     "straight": "holds the wheel straight",
     "free": "takes the hands off",
+    "release": "turns the wheel in a quarter of the sine's period, holds it for a second, and takes the hands off",
 }
 # Faults, and what the number behind each means.
 FAULTS = {
@@ -106,7 +107,7 @@ _WITH_NUMBER = "delay", "jump", "clock"
 
 
 def hands_of(person: str, amplitude_deg: float, frequency: float) -> Hands:
-    """Hands of a person of ``PEOPLE``, who follows a sine of so many deg and Hz or holds the wheel at zero.
+    """Hands of a person of ``PEOPLE``, who follows a sine of so many deg and Hz, or holds the wheel and lets go of it.
 
     Raises
     ------
@@ -121,9 +122,14 @@ def hands_of(person: str, amplitude_deg: float, frequency: float) -> Hands:
     if person == "straight":
         size = 0.0
     omega = 2.0 * math.pi * frequency
+    turned = 0.25 / frequency  # to the first peak [s]
 
     def hands(t: float, angle: float, speed: float) -> float:
-        grown = size * min(t * frequency, 1.0)
+        if person == "release":
+            if t > turned + 1.0:
+                return 0.0
+            t = min(t, turned)
+        grown = size * (min(t * frequency, 1.0) if person == "weave" else 1.0)
         error, error_speed = grown * math.sin(omega * t) - angle, grown * omega * math.cos(omega * t) - speed
         return max(-_STRENGTH, min(_ARM[0] * error + _ARM[1] * error_speed, _STRENGTH))
 
@@ -162,7 +168,7 @@ class Fake(Device):
 
     Parameters
     ----------
-    person : {"weave", "straight", "free"}
+    person : {"weave", "straight", "free", "release"}
         What the hands do.
     amplitude_deg, frequency : float
         Of the weave [deg], [Hz].

@@ -152,3 +152,10 @@ def test_faults_that_are_none_are_refused(bad):
     wheel, _ = opened()
     with pytest.raises(ValueError, match="fault must be one of unplug"):
         wheel.inject("fly")
+
+
+def test_a_person_turns_holds_and_lets_go():
+    wheel, clock = opened(person="release", amplitude_deg=90.0, frequency=0.5, friction=0.0, delay_ms=0.0, bits=32)
+    angles, _ = drive(wheel, clock, 2.5, torque=-0.5, period=1)
+    assert np.degrees(angles[1000:1400]) == pytest.approx(90.0, abs=2.0)
+    assert np.degrees(angles[2400]) < 60.0  # from 1.5 s on the motor alone turns it back
