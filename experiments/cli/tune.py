@@ -127,7 +127,7 @@ def _write(args: argparse.Namespace, posed: Any, outcome: Any, live: Any) -> Non
     from steer_env.experiments.cli.common.sweeping import unswept
     from steer_env.experiments.pages import pages as page
     from steer_env.experiments.pages import provenance
-    from steer_env.friction.law import law_of
+    from steer_env.friction.sites import named
     from steer_env.vehicle import cars
 
     cars.write(posed.car, args.out / "start.toml")
@@ -135,7 +135,7 @@ def _write(args: argparse.Namespace, posed: Any, outcome: Any, live: Any) -> Non
     if outcome.best is not None:
         tuned = problem.tuned_car(posed, outcome.best.params)
         cars.write(tuned, args.out / "best.toml")
-        beside = live(tuned, {law_of(posed.law).name: posed.law}) if live else None
+        beside = live(tuned, {named(posed.law): posed.law}) if live else None
     else:
         (args.out / "best.toml").unlink(missing_ok=True)
     found, data = tuning_page.build(outcome)
@@ -143,7 +143,7 @@ def _write(args: argparse.Namespace, posed: Any, outcome: Any, live: Any) -> Non
         command=unswept(args, "--out", "--storage"),
         result=args.out.name,
         car=posed.car,
-        friction={law_of(posed.law).name: posed.law},
+        friction={named(posed.law): posed.law},
         seed=args.seed,
     )
     page.place(args.out, found, page.numbers(found, data), trace, beside)

@@ -72,7 +72,7 @@ def preview(effort: float = EFFORT, co_contraction: float = 0.5) -> Driver:
     """Linear-quadratic preview control over 1.5 s (Sharp, Valtetsis 2001), through arms.
 
     ``effort`` is the lateral offset that costs as much as a lateral acceleration of 1 m/s2 [s2]. The default car takes
-    the obstacle avoidance up to 54 km/h without a cone; at 60 km/h its path asks for more than the tyres' grip.
+    the obstacle avoidance up to 53 km/h without a cone; at 60 km/h its path asks for more than the tyres' grip.
     """
     return Driver("preview", Preview(positive("effort [s2]", effort)), arm(co_contraction))
 

@@ -18,6 +18,7 @@ from steer_env.engine.batch import EnvironmentBatch
 from steer_env.episode.randomise import Conditions
 from steer_env.friction.law import law_of
 from steer_env.friction.numerics.packing import numbers
+from steer_env.friction.sites import named
 from steer_env.registration import id_of
 
 VERSION = 2  # of the format and of the meaning of what it holds: raised when either changes
@@ -86,7 +87,7 @@ def _kind(batch: EnvironmentBatch) -> dict[str, str]:
         "id": id_of(batch.task.name),
         "car": f"{batch.car.name} (numbers {_digest((numbers(p), *p.strut))})",
         "chassis": batch.chassis,
-        "law": f"{law.name} ({numbers(usual.friction).size} numbers, {law.memory_size(usual.friction)} of memory)",
+        "law": f"{named(usual.friction)} ({numbers(usual.friction).size} numbers, {law.memory_size(usual.friction)} of memory)",
         "driver": repr(batch.driver),
         "road": "the default" if road is None else f"numbers {_digest(road)}",
         "control_dt": f"{batch.control_dt:g} s",

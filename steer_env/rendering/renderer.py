@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from steer_env.courses.iso3888 import outline
 from steer_env.engine.batch import EnvironmentBatch
 from steer_env.friction.law import law_of
+from steer_env.friction.sites import Sites, as_mapping
 from steer_env.rendering import panels
 from steer_env.rendering.canvas import Canvas
 from steer_env.rendering.modes import frame_rate
@@ -174,7 +175,7 @@ class Renderer:
         canvas.text(batch.task.name, (16, 32), INK, 17, bold=True)
         given = float(episode["action"])
         for x, label, words in (
-            (318, "friction law", law_of(batch.conditions[self._row].friction).name),
+            (318, "friction", _friction(batch.conditions[self._row].friction)),
             (438, "speed", f"{signed(3.6 * float(episode['speed']), 1, plus='')} km/h"),
             (548, "time", f"{self._time:.2f} s"),
             (638, "action", f"{signed(given, 2)}  ({signed(given * action.scale, 2)} {action.unit})"),
@@ -236,3 +237,11 @@ def _feel(task: Task) -> int | None:
     """Place among the metrics of the hand torque's error, in tasks that score it."""
     names = [metric.name for metric in task.metrics]
     return names.index(FEEL_METRIC.name) if FEEL_METRIC.name in names else None
+
+
+def _friction(p: Any) -> str:
+    """The friction in a few words: a law, or the laws of several sites."""
+    if not isinstance(p, Sites):
+        return law_of(p).name
+    given = as_mapping(p).values()
+    return f"{', '.join(dict.fromkeys(own['law'] for own in given))}, {len(given)} sites"

@@ -282,8 +282,9 @@ def test_what_was_left_out_follows_what_is_varied():
         p = friction.varied("coulomb,efficiency=0.88@gear+lugre@rack", {"gear.F_c": friction_torque, "rack.F_c": 1.5})
         assert p.gear.driving * p.gear.law.F_c == pytest.approx(0.12, rel=1e-12)
         assert p.rack.law.F_s == 1.5
+    assert friction.varied("lugre@column_eps", {"F_c": 1.5}) == friction.resolve("lugre,F_c=1.5@column_eps")
     with pytest.raises(ValueError, match="the site of friction must be"):
-        friction.varied("coulomb@gear", {3: 1.0})
+        friction.varied("coulomb@gear+coulomb@rack", {3: 1.0})
 
 
 def test_a_stiff_bar_with_sticking_sites_is_solved():

@@ -44,7 +44,7 @@ SWERVES = pairs(product(DRIVERS, CHASSIS, CONTROL_DT))
 @pytest.mark.parametrize(
     ("driver", "chassis", "control_dt", "kph"),
     [
-        *(("preview", *each, 54.0) for each in product(CHASSIS, CONTROL_DT)),
+        *(("preview", *each, 53.0) for each in product(CHASSIS, CONTROL_DT)),
         *(pytest.param(*each, 50.0, marks=pytest.mark.whole) for each in SWERVES),
         pytest.param("preview", "two_track", 0.01, 30.0, marks=pytest.mark.whole),
     ],

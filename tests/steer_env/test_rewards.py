@@ -143,13 +143,13 @@ def test_a_larger_gain_that_makes_the_hands_vibrate_does_not_pay_in_parking():
     place = {metric.name: k for k, metric in enumerate(env.batch.task.metrics)}
     error = [quantity.name for quantity in env.batch.observed].index("target_0.0s")
     score, ripple = {}, {}
-    for gain in (10.0, 20.0, 45.0, 60.0, 80.0, 150.0):  # [N m/rad]
+    for gain in (10.0, 20.0, 30.0, 45.0, 60.0, 80.0, 150.0):  # [N m/rad]
         scale = gain * env.observation_scale[error] / env.batch.task.action.scale
         reward, *_ = episode(env, lambda o, k: np.clip(scale * o[:, [error]], -1.0, 1.0))  # noqa: B023 (used at once)
         score[gain] = reward.mean()
         ripple[gain] = env.batch.arrays.metrics[0, 2, place["rms_ripple"]]
     best = max(score, key=lambda gain: score[gain])
-    assert ripple[best] < 0.05, (score, ripple)
+    assert ripple[best] < 0.1, (score, ripple)
     vibrating = [gain for gain in score if ripple[gain] > 0.1]
     assert len(vibrating) >= 2
     assert max(score[gain] for gain in vibrating) < score[best] - 0.3, (score, ripple)

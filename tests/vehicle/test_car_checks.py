@@ -132,7 +132,7 @@ UNUSUAL = {
     "steering ratio": ("steering", {"pinion_radius": 0.0043}, "26.73; usual is 10 to 25"),
     "steering.compliance": ("steering", {"compliance": 1e3}, "1000 N m/rad;"),
     "column.K_tb": ("column", {"K_tb": 1e4}, "1e+04 N m/rad; usual is 50 to 300 N m/rad"),
-    "greatest boost over the limit of the motor": ("assist", {"limit": 30.0}, "1.896;"),
+    "greatest boost over the limit of the motor": ("assist", {"limit": 30.0}, "1.898;"),
     "deceleration with the full pedal": ("brakes", {"front": 300.0}, "0.3517 g;"),
 }
 

@@ -124,7 +124,7 @@ def test_the_limit_without_friction_is_where_the_mode_loses_its_damping(chassis)
 def test_limit_at_its_ends_and_refusals():
     """A car that never fails has the highest speed, and one with a motor that pushes the swing on has none."""
     assert free_control.limit(CAR, highest=12.0) == 12.0
-    pushed = CAR._replace(assist=CAR.assist._replace(damping=CAR.assist.damping - 20.0))
+    pushed = CAR._replace(assist=CAR.assist._replace(damping=CAR.assist.damping - 30.0))
     assert free_control.limit(pushed, NONE) == 0.0
     with pytest.raises(ValueError, match=r"highest \[m/s\] must be .* at most 70"):
         free_control.limit(CAR, highest=80.0)

@@ -120,16 +120,16 @@ ERRORS = {
     "handwheel_speed": (0.012, 0.0),
     "handwheel_torque": (0.0, 0.007),
     "column_angle": (0.009, 0.001),
-    "column_speed": (0.017, 0.006),
+    "column_speed": (0.017, 0.0075),
     "torsion_bar_torque": (0.005, 0.0065),
     "motor_torque": (0.023, 0.039),  # at 3 N m the boost multiplies the error of the torsion bar by five
-    "friction_torque": (3.0, 0.7),  # one sample at each reversal, where sigma_1 |v| has its kink
+    "friction_torque": (3.5, 0.7),  # one sample at each reversal, where sigma_1 |v| has its kink
     "rack_force": (0.011, 0.0085),
     "lateral_speed": (0.015, 0.0095),
     "yaw_rate": (0.013, 0.0075),
     "roll_angle": (0.014, 0.006),
     "yaw_angle": (0.0085, 0.003),
-    "x": (8.5e-7, 4.5e-7),
+    "x": (9e-7, 4.5e-7),
     "y": (0.003, 0.0015),
     "drive_force": (0.003, 0.001),
     "lateral_acceleration": (0.013, 0.008),
@@ -403,7 +403,7 @@ def test_free_control_without_friction(v):
         assert np.abs(found / np.exp(2.0 * T * mode) - 1.0).min() < 2.0 * T * 0.006
 
 
-@pytest.mark.parametrize(("speed", "damped", "spins"), [(38.0, False, False), (42.0, False, True), (60.0, True, False)])
+@pytest.mark.parametrize(("speed", "damped", "spins"), [(38.0, False, False), (46.0, False, True), (60.0, True, False)])
 def test_a_pulse_of_the_hands_spins_a_car_without_motor_damping_at_speed(speed, damped, spins):
     """3 N m for 0.3 s, then hands off, LuGre, single track: the damping of the default car's motor prevents a spin."""
     u = np.zeros((8000, len(INPUTS)))

@@ -240,7 +240,7 @@ def settled(angle, v=100.0 * KPH, law=None, seconds=15.0, wind=0.0):
 
 
 def test_steady_gains_are_those_of_the_linear_model():
-    """A run of 15 s at 0.03 m/s2 against the linear model; understeer gradient 1.68 deg/g at 100 km/h."""
+    """A run of 15 s at 0.03 m/s2 against the linear model; understeer gradient 1.86 deg/g at 100 km/h."""
     v = 100.0 * KPH
     row, _, p = settled(3e-3)
     rack = p.pinion_radius * row["column_angle"]
@@ -250,7 +250,7 @@ def test_steady_gains_are_those_of_the_linear_model():
     assert gains[1] == pytest.approx(gains[0] * v, rel=1e-6)
     per_rack = float(CENTRE.per_rack.rotation[..., 2])
     understeer = (per_rack - L * gains[0] / v) / gains[1]  # of the steering's angle: compliance counts [rad s2/m]
-    assert math.degrees(understeer) * G == pytest.approx(1.68, abs=0.01)
+    assert math.degrees(understeer) * G == pytest.approx(1.86, abs=0.01)
 
 
 def test_lag_of_yaw_and_lateral_acceleration():
@@ -271,7 +271,7 @@ def test_lag_of_yaw_and_lateral_acceleration():
     D_r = (force - by_lean * ROLL_CAMBER * phi) / -by_slip - steer
     lead = C["rear_axle"] / v - D_r * v
     assert a_y_lag - yaw_lag == pytest.approx(-lead, rel=0.08)  # the aligning torque is left out by hand
-    assert yaw_lag == pytest.approx(0.056, abs=1e-3)
+    assert yaw_lag == pytest.approx(0.052, abs=1e-3)
     assert a_y_lag == pytest.approx(0.139, abs=1e-3)
 
 

@@ -660,7 +660,7 @@ def test_braked_weave_against_scipy():
     u[:, BRAKE], u[:, COAST] = 0.3 * np.sin(np.pi * np.clip((t - 0.2) / 1.6, 0.0, 1.0)) ** 2, 1.0
     largest, rms = errors(p, u, (1, 2, 4), state)
     for name, i in CHANNEL.items():
-        assert largest[0][i] <= {"friction_torque": 1.0, "motor_torque": STEEP}.get(name, 0.03), name
+        assert largest[0][i] <= {"friction_torque": 1.1, "motor_torque": STEEP}.get(name, 0.03), name
         # in slips, at 1e-5, the pedal's steps from row to row show, which the continuous brake torque does not smooth;
         # so they do in the toe of the front wheels, which gives way to their brakes
         if name.startswith("road_wheel_angle") or name.endswith(("front_left", "front_right")):

@@ -39,7 +39,7 @@ def weave(tmp_path_factory):
     """A unit for the weave on one track, for this processor."""
     m = manoeuvres.make("weave")
     path = tmp_path_factory.mktemp("weave") / "weave.fmu"
-    return m, fmu.export(path, speed=m.speed, robot=True, cpu="native")
+    return m, fmu.export(path, friction="lugre", speed=m.speed, robot=True, cpu="native")
 
 
 def in_python(p, u, names):
@@ -228,7 +228,7 @@ def test_pedals_beyond_their_range_are_refused(name, value, standing, tmp_path):
 @pytest.fixture(scope="module")
 def standing(tmp_path_factory):
     """A unit on two tracks at standstill."""
-    return fmu.export(tmp_path_factory.mktemp("standing") / "car.fmu", chassis="two_track", speed=0.0)
+    return fmu.export(tmp_path_factory.mktemp("standing") / "car.fmu", friction="lugre", chassis="two_track", speed=0.0)
 
 
 def test_types_have_quantities_and_what_a_driver_reads(standing):
@@ -506,7 +506,9 @@ def test_the_importer_in_c_drives_a_weave_at_two_speeds_from_one_unit(chassis, h
     program = built_harness(tmp_path)
 
     def weaves(exported, driven):
-        path = fmu.export(tmp_path / "car.fmu", chassis=chassis, speed=exported, robot=True, cpu="native")
+        path = fmu.export(
+            tmp_path / "car.fmu", friction="lugre", chassis=chassis, speed=exported, robot=True, cpu="native"
+        )
         folder = tmp_path / f"{exported:g}"
         variables = fmpy.read_model_description(str(path)).modelVariables
         references = {v.name: str(v.valueReference) for v in variables}
@@ -535,7 +537,7 @@ def test_memory_does_not_grow(harness):
 def test_valgrind_finds_nothing(tmp_path):
     if shutil.which("valgrind") is None:
         pytest.skip("valgrind is not installed")
-    path = fmu.export(tmp_path / "car.fmu")  # valgrind knows no AVX-512, which the processor may have
+    path = fmu.export(tmp_path / "car.fmu", friction="lugre")  # valgrind knows no AVX-512, which the processor may have
     command = ["valgrind", "--error-exitcode=9", "--leak-check=full", "--quiet", built_harness(tmp_path)]
     done = subprocess.run([*command, *unpacked(path, tmp_path), "check", "200", "20"], capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr

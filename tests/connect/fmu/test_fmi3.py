@@ -27,7 +27,7 @@ pytestmark = pytest.mark.whole
 def exported(request, tmp_path_factory):
     """The chassis, and a unit for this processor, whose handwheel angle is prescribed."""
     path = tmp_path_factory.mktemp("fmi3") / "car.fmu"
-    return request.param, fmu.export(path, chassis=request.param, robot=True, cpu="native", fmi=3)
+    return request.param, fmu.export(path, friction="lugre", chassis=request.param, robot=True, cpu="native", fmi=3)
 
 
 @pytest.fixture
@@ -67,7 +67,7 @@ def test_terminals_are_those_of_the_schema_and_fit_one_another(exported, tmp_pat
     found = {}
     for part in ("car", "steering", "chassis"):
         if part != "car":
-            path = fmu.export(tmp_path / "part.fmu", subsystem=part, chassis=chassis, fmi=3)
+            path = fmu.export(tmp_path / "part.fmu", friction="lugre", subsystem=part, chassis=chassis, fmi=3)
         with zipfile.ZipFile(path) as archive:
             assert "terminalsAndIcons/icon.png" in archive.namelist()
             root = etree.fromstring(archive.read("terminalsAndIcons/terminalsAndIcons.xml"))

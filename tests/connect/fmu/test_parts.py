@@ -63,7 +63,7 @@ def chassis_equals(tmp_path, chassis, changed):
     if changed:
         p = p._replace(chassis=p.chassis._replace(mu=0.7, m=1300.0))
     u, record, _, _ = undivided(p)
-    path = fmu.export(tmp_path / "chassis.fmu", subsystem="chassis", chassis=chassis, cpu="native")
+    path = fmu.export(tmp_path / "chassis.fmu", friction="lugre", subsystem="chassis", chassis=chassis, cpu="native")
     assert validation.validate_fmu(str(path)) == []
     rack = p.pinion_radius * record[:, [plant.CHANNEL["column_angle"], plant.CHANNEL["column_speed"]]]
     names = ["rack_travel", "rack_speed", *(NAMED[name][0] for name, _ in plant.INPUTS[3:])]
@@ -118,7 +118,7 @@ def test_the_road_under_each_wheel_is_that_of_the_plant_in_python(tmp_path):
         a, b = float(p.chassis.body[0].a), float(p.chassis.body[0].b)
         under = [road.height(ground, side, distance + x) for x in (a, -b) for side in (road.LEFT, road.RIGHT)]
         given[i] = [*(z for z, _ in under), *(slope for _, slope in under)]
-    path = fmu.export(tmp_path / "car.fmu", chassis="two_track", speed=20.0, cpu="native")
+    path = fmu.export(tmp_path / "car.fmu", friction="lugre", chassis="two_track", speed=20.0, cpu="native")
     inputs = [f"road_{what}_{wheel}" for what in ("height", "slope") for wheel in two_track.WHEELS]
     slippery = {f"road_friction_{wheel}": 0.4 if wheel.endswith("left") else 0.9 for wheel in two_track.WHEELS}
     with opened(path, tmp_path / "unit") as (unit, references, _):
@@ -154,7 +154,7 @@ def test_poses_of_the_wheels_are_those_of_a_rigid_body_and_the_exact_strut(tmp_p
     u = np.zeros((SAMPLES, len(plant.INPUTS)))
     u[:, plant.HAND] = 5.0 * np.sin(4e-3 * np.arange(1.0, SAMPLES + 1.0))
     u[:, 8] = np.where(np.arange(SAMPLES) < 1500, 0.0, 0.2)
-    path = fmu.export(tmp_path / "car.fmu", chassis="two_track", speed=25.0, cpu="native")
+    path = fmu.export(tmp_path / "car.fmu", friction="lugre", chassis="two_track", speed=25.0, cpu="native")
     names = ["hand_torque", None, *(NAMED[name][0] for name, _ in plant.INPUTS[2:])]
     with opened(path, tmp_path / "unit") as (unit, references, _):
         begin(unit)
@@ -203,7 +203,9 @@ def test_poses_of_the_wheels_are_those_of_a_rigid_body_and_the_exact_strut(tmp_p
         assert np.arctan2(-x, y) == pytest.approx(heading, abs=0.01)
         assert np.arcsin(z) == pytest.approx(inclination, abs=0.01)
     rack = p.pinion_radius * found[:, [plant.CHANNEL["column_angle"], plant.CHANNEL["column_speed"]]]
-    path = fmu.export(tmp_path / "chassis.fmu", subsystem="chassis", chassis="two_track", speed=25.0, cpu="native")
+    path = fmu.export(
+        tmp_path / "chassis.fmu", friction="lugre", subsystem="chassis", chassis="two_track", speed=25.0, cpu="native"
+    )
     names = ["rack_travel", "rack_speed", *(NAMED[name][0] for name, _ in plant.INPUTS[3:])]
     with opened(path, tmp_path / "chassis") as (unit, references, _):
         begin(unit)

@@ -157,7 +157,7 @@ def test_several_configurations_are_told_where_a_recording_is_read(tmp_path, cap
     path = tmp_path / "drive-0001.csv"
     text = path.read_text()
     labels = [each["label"] for each in files.read(path).meta["sets"]]
-    assert labels == ["lugre", "lugre,F_c=1.1"]
+    assert labels == ["lugre@column_eps", "lugre,F_c=1.1"]
     rows = text.splitlines()
     head = next(line for line in rows if line.startswith("time_s")).split(",")
     chosen, missed = head.index("chosen_set_1"), head.index("deadlines_missed_1")
@@ -169,7 +169,7 @@ def test_several_configurations_are_told_where_a_recording_is_read(tmp_path, cap
     capsys.readouterr()
     main(["evaluate", str(path), "--manoeuvre", "weave"])
     out = capsys.readouterr().out
-    assert "several configurations acted: lugre to" in out
+    assert "several configurations acted: lugre@column_eps to" in out
     assert "% of the deadlines were missed, first at " in out
 
 
