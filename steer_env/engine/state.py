@@ -80,14 +80,14 @@ def kind(batch: EnvironmentBatch) -> dict[str, str]:
 
 def _kind(batch: EnvironmentBatch) -> dict[str, str]:
     usual, road = batch.usual_conditions, batch.road
-    law = law_of(usual.friction)
+    law, memory = named(usual.friction), law_of(usual.friction).memory_size(usual.friction)
     # Every number of the car that a plant is made of, at any speed and with any law.
     p = batch.car.plant("coulomb", speed=20.0, chassis=batch.chassis)
     return {
         "id": id_of(batch.task.name),
         "car": f"{batch.car.name} (numbers {_digest((numbers(p), *p.strut))})",
         "chassis": batch.chassis,
-        "law": f"{named(usual.friction)} ({numbers(usual.friction).size} numbers, {law.memory_size(usual.friction)} of memory)",
+        "law": f"{law} ({numbers(usual.friction).size} numbers, {memory} of memory)",
         "driver": repr(batch.driver),
         "road": "the default" if road is None else f"numbers {_digest(road)}",
         "control_dt": f"{batch.control_dt:g} s",
