@@ -31,9 +31,9 @@ CHANGES: tuple[dict[str, str], ...] = (
         "TuneAllRound": _TUNED,
     },
     {
-        "": "The friction of a car is LuGre at several sites, whose gear has an efficiency; before, at one. The default "
-        "car has a front axle that returns from the lock, with one compliance for each wheel, and an assist that keeps "
-        "30 deg and 6 dB while the gear slides."
+        "": "The friction of a car is LuGre at several sites, whose gear has an efficiency; before, at one. The "
+        "default car has a front axle that returns from the lock, with one compliance for each wheel, and an assist "
+        "that keeps 30 deg and 6 dB while the gear slides."
     },
 )
 
