@@ -664,7 +664,7 @@ def test_an_assist_is_trained_at_the_margins(env_id):
 
 def test_ranges_of_an_id_stand_beside_those_of_all_assists():
     weave, all_round = (
-        training.conditions(f"steer_env/{name}-v2")["randomise"] for name in ("AssistWeave", "AssistAllRound")
+        training.conditions(f"steer_env/{name}-v3")["randomise"] for name in ("AssistWeave", "AssistAllRound")
     )
     assert weave["speed"] == [22, 33]  # its own
     assert (weave["delay"], all_round["delay"]) == ([0.0, 0.02], [0.0, 0.03])  # its own, and of all

@@ -17,7 +17,7 @@ from steer_env.vehicle.chassis.common.interface import HAND, HAND_SPEED
 from tests.experiments.explore.engine import engine
 
 DRIVER, WEAVE, ALL_ROUND = (
-    f"steer_env/{name}-v2" for name in ("DriverDoubleLaneChange", "AssistWeave", "AssistAllRound")
+    f"steer_env/{name}-v3" for name in ("DriverDoubleLaneChange", "AssistWeave", "AssistAllRound")
 )
 # Options that make the start that of the page, and seconds that are driven.
 STRAIGHT = {"mirrored": 0, "entry_offset": 0.0, "entry_heading": 0.0}
@@ -62,7 +62,7 @@ def driven(env_id):
     """An episode of a policy in its environment, without noise, delay or anything drawn: channels, observations [SI],
     actions, motion of the hands at every sample, and the speed."""
     body, options, seconds = CASES[env_id]
-    env = gym.make(env_id, chassis=body).unwrapped
+    env = gym.make(env_id, friction="lugre", chassis=body).unwrapped
     batch, controller = env.batch, policy.Policy(policy.shipped(env_id), env)
     seen, _ = env.reset(seed=0, options=options)
     record, observed, actions, hands = [], [], [], []
