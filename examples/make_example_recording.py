@@ -2,7 +2,7 @@
 
 python examples/make_example_recording.py [FOLDER]
 
-The default car with LuGre friction weaves at 100 km/h. The logger samples at 50 Hz and applies the same low-pass filter
+The default car weaves at 100 km/h. The logger samples at 50 Hz and applies the same low-pass filter
 to every channel. The sensors add noise, offsets and rounding, a delay of 10 ms to the lateral acceleration, and two
 short drop-outs. Names and units are those of a measurement; the channel mapping weave_example.toml tells how to read
 them.
@@ -69,7 +69,7 @@ def logged(recording: Recording) -> Recording:
 
 def text() -> str:
     """The text of the file."""
-    recording = logged(manoeuvres.drive(cars.load(), manoeuvres.make("weave"), "lugre"))
+    recording = logged(manoeuvres.drive(cars.load(), manoeuvres.make("weave")))
     rng = np.random.default_rng(SEED)
     time = recording.time - recording.time[0]
     cells = [[f"{t:.2f}" for t in time]]

@@ -28,7 +28,7 @@ def test_the_script_makes_the_shipped_file():
 
 def test_the_metrics_of_the_file_are_those_of_the_car():
     """Every interval, wider by a hundredth of the value, holds what the simulation's own recording gives."""
-    true = metrics.evaluate(manoeuvres.drive(cars.load(), manoeuvres.make("weave"), "lugre"))
+    true = metrics.evaluate(manoeuvres.drive(cars.load(), manoeuvres.make("weave")))
     found = metrics.evaluate(mapped())
     for name, value in found.items():
         slack = 0.01 * abs(true[name].value)
