@@ -12,9 +12,9 @@ from steer_env.tasks.assist_release import RELEASE_TIME
 WEAVE, RELEASE = "steer_env/AssistWeave-v3", "steer_env/AssistRelease-v4"
 
 
-def shares(env_id, seconds, action=0.2, **options):
+def shares(env_id, seconds, action=0.2, friction=None, **options):
     """Share of a constant action that the guard lets act, at every step (T,)."""
-    env = gym.make(env_id).unwrapped
+    env = gym.make(env_id, friction=friction).unwrapped
     guard = Guard(env.batch, env.observation_scale, 1.0)
     observation, _ = env.reset(seed=0, options=options)
     given = np.full((1, 1), action, np.float32)
@@ -30,10 +30,13 @@ def test_slow_steering_with_hands_passes():
     assert shares(WEAVE, 10.0)[500:].mean() > 0.8
 
 
-def test_without_hands_nothing_acts():
-    share = shares("steer_env/AssistAllRound-v3", 8.5, scenario=1)  # a release, which the controller is not told
+@pytest.mark.parametrize(("friction", "most"), [("lugre", 0.02), (None, 0.3)], ids=["below the bar", "above it too"])
+def test_without_hands_nothing_acts(friction, most):
+    """The friction above the bar, 0.09 N m, twists it as hands would."""
+    # a release, which the controller is not told
+    share = shares("steer_env/AssistAllRound-v3", 8.5, friction=friction, scenario=1)
     assert share.max() > 0.5  # while the robot holds the handwheel
-    assert share[-200:].max() < 0.02
+    assert share[-200:].max() < most
     assert (share >= 0.0).all()
     assert (share <= 1.0).all()
 

@@ -17,9 +17,14 @@ def test_the_comparison_is_repeated_and_its_cause_named(results):
     found = held_torque.compared(results)
     assert found.vibrates
     assert found.damper_is_cause
-    assert found.fed  # by the assist, which the lighter damper does not outweigh
-    assert {each.masing.assist for each in found.fed} == {"on"}
+    assert not found.fed  # the lighter damper ends what the assist feeds
     assert found.step_is_small
+
+
+def test_a_vibration_that_outlasts_the_lighter_damper_is_told(results):
+    lasting = results._replace(tests=[test._replace(lasting=1.0) for test in results.tests])
+    assert {each.masing.assist for each in held_torque.compared(lasting).fed} == {"on", "off"}
+    assert "is not enough in 4 of 4 cases" in held_torque.build(lasting, "compact")[0].html()
 
 
 def test_without_a_difference_the_comparison_says_so(results):

@@ -88,31 +88,31 @@ assist: Margins of the assist loop, handwheel held.
   check loop, gain 10               36.4 deg, 7.2 dB   35 +- 2 deg, 7 +- 0.5 dB   pass
   without lead and damping, gain 1  stable             stable                     pass
   without lead and damping, gain 2  unstable           unstable                   pass
-  default car, 0 km/h, least        31.7 deg, 6.9 dB   >= 30 deg, 6 dB            pass
-  default car, 20 km/h, least       39.5 deg, 9.4 dB   >= 30 deg, 6 dB            pass
-  default car, 40 km/h, least       42.7 deg, 10.7 dB  >= 30 deg, 6 dB            pass
-  default car, 80 km/h, least       47.3 deg, 12.9 dB  >= 30 deg, 6 dB            pass
-  default car, 100 km/h, least      54.6 deg, 12.8 dB  >= 30 deg, 6 dB            pass
-  default car, 140 km/h, least      66.2 deg, 12.7 dB  >= 30 deg, 6 dB            pass
-  default car, 180 km/h, least      64.0 deg, 12.7 dB  >= 30 deg, 6 dB            pass
-  default car, 220 km/h, least      68.0 deg, 12.6 dB  >= 30 deg, 6 dB            pass
+  default car, 0 km/h, least        35.0 deg, 8.4 dB   >= 30 deg, 6 dB            pass
+  default car, 20 km/h, least       39.7 deg, 10.3 dB  >= 30 deg, 6 dB            pass
+  default car, 40 km/h, least       41.7 deg, 11.2 dB  >= 30 deg, 6 dB            pass
+  default car, 80 km/h, least       44.4 deg, 12.7 dB  >= 30 deg, 6 dB            pass
+  default car, 100 km/h, least      51.3 deg, 12.6 dB  >= 30 deg, 6 dB            pass
+  default car, 140 km/h, least      62.1 deg, 12.5 dB  >= 30 deg, 6 dB            pass
+  default car, 180 km/h, least      60.1 deg, 12.5 dB  >= 30 deg, 6 dB            pass
+  default car, 220 km/h, least      61.9 deg, 12.5 dB  >= 30 deg, 6 dB            pass
 
-feel: On-centre feel of the default car: weave at 100 km/h, 0.2 Hz, 2 m/s2, LuGre; fair bands of a compact car.
-  torque at 0 g                  1.413    0.25 to 2.35 N m          pass
-  torque at 0.1 g                1.496    1 to 4 N m                pass
-  torque gradient at 0 g         15.63    9.5 to 24.5 N m/g         pass
-  torque gradient at 0.1 g       13.45    2.25 to 18.75 N m/g       pass
-  torque gradient ratio          0.8601   0.175 to 0.925            pass
-  lateral acceleration at 0 N m  0.07423  0.0025 to 0.1075 g        pass
-  angle hysteresis               5.537    0 to 12 deg               pass
-  angle dead band                4.969    0.75 to 14.25 deg         pass
-  torque dead band               1.403    0.375 to 4.125 N m        pass
-  steering stiffness             0.2686   0.025 to 0.475 N m/deg    pass
-  steering sensitivity at 0.1 g  1.508    0.6 to 1.8 g/100 deg      pass
-  minimum steering sensitivity   1.468    0.425 to 1.475 g/100 deg  pass
-  yaw rate gain                  0.2915   0.15 to 0.45 1/s          pass
-  yaw lag                        74.14    32.5 to 137.5 ms          pass
-  lateral acceleration lag       158.3    50 to 230 ms              pass
+feel: On-centre feel of the default car: weave at 100 km/h, 0.2 Hz, 2 m/s2; fair bands of a compact car.
+  torque at 0 g                  1.378    0.25 to 2.35 N m          pass
+  torque at 0.1 g                1.53     1 to 4 N m                pass
+  torque gradient at 0 g         16.29    9.5 to 24.5 N m/g         pass
+  torque gradient at 0.1 g       13.32    2.25 to 18.75 N m/g       pass
+  torque gradient ratio          0.8174   0.175 to 0.925            pass
+  lateral acceleration at 0 N m  0.07398  0.0025 to 0.1075 g        pass
+  angle hysteresis               5.637    0 to 12 deg               pass
+  angle dead band                5.511    0.75 to 14.25 deg         pass
+  torque dead band               1.408    0.375 to 4.125 N m        pass
+  steering stiffness             0.2472   0.025 to 0.475 N m/deg    pass
+  steering sensitivity at 0.1 g  1.404    0.6 to 1.8 g/100 deg      pass
+  minimum steering sensitivity   1.372    0.425 to 1.475 g/100 deg  pass
+  yaw rate gain                  0.2739   0.15 to 0.45 1/s          pass
+  yaw lag                        67.32    32.5 to 137.5 ms          pass
+  lateral acceleration lag       151.4    50 to 230 ms              pass
 
 linear: Metrics of the linear car at 80 km/h, driven by our manoeuvres at 1 kHz, against those of python-control.
   frequency-response, yaw_rate: gain                           3.0e-05  <= 0.01  pass

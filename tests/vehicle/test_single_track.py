@@ -254,7 +254,7 @@ def test_steady_gains_are_those_of_the_linear_model():
 
 
 def test_lag_of_yaw_and_lateral_acceleration():
-    """Lateral acceleration lags 0.09 s behind yaw at 100 km/h, which the steady sideslip explains.
+    """Lateral acceleration lags 0.08 s behind yaw at 100 km/h, which the steady sideslip explains.
 
     a_y = v (r + beta'), and steady beta = r (b/v - D_r v), where D_r is the angle by which the rear axle drifts over
     lateral acceleration: slip less roll steer and compliance. To first order in frequency a_y leads r by beta/r.
@@ -272,7 +272,7 @@ def test_lag_of_yaw_and_lateral_acceleration():
     lead = C["rear_axle"] / v - D_r * v
     assert a_y_lag - yaw_lag == pytest.approx(-lead, rel=0.08)  # the aligning torque is left out by hand
     assert yaw_lag == pytest.approx(0.052, abs=1e-3)
-    assert a_y_lag == pytest.approx(0.139, abs=1e-3)
+    assert a_y_lag == pytest.approx(0.135, abs=1e-3)
 
 
 @pytest.mark.parametrize("angle", [0.2, 0.6])
