@@ -63,7 +63,7 @@ def test_a_recording_is_made_again_by_its_own_content(suffix, tmp_path, capsys):
     trace = traces.read(out)
     assert trace["command"] == ["run", "rig", *options, "--rate-hz", "50", "--out", out.name]
     assert (trace["car"]["column"]["K_tb"], trace["car"]["column"]["C2"]) == (140.0, 0.5)
-    assert (trace["tyre"]["name"], trace["strut"]["name"]) == ("mine", "s1")
+    assert (trace["tyre"]["name"], trace["strut"]["name"]) == ("mine", "s2")
     assert (trace["version"], trace["sources"]) == tuple(provenance.versions()[key] for key in ("version", "sources"))
     law = trace["friction"]["masing,elements=3"]
     assert (law["law"], len(law["parameters"]["k"])) == ("masing", 3)

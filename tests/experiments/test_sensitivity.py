@@ -111,8 +111,8 @@ def test_small_ranges_give_the_finite_differences_at_the_centre(car):
 
 def test_what_is_refused_is_told_and_the_rest_is_kept(car, tmp_path):
     """Ranges beyond the stability of the loop: outputs with their reasons, and sets that the law does not allow."""
-    posed = study(car, ("boost_level=0.9:2.5", "friction.F_c=0.5:0.95"))
-    block = Block(posed, ((2.5, 0.9), (1.0, 0.95), (1.0, 0.9)), "three")
+    posed = study(car, ("boost_level=0.9:3.0", "friction.F_c=0.5:0.95"))
+    block = Block(posed, ((3.0, 0.9), (1.0, 0.95), (1.0, 0.9)), "three")
     unstable, forbidden, fine = sensitivity.evaluate(block)
     assert "the assist loop is unstable" in unstable.refused["handwheel_torque_peak"]
     assert math.isfinite(unstable.values["torque_at_0p1g"])

@@ -288,7 +288,7 @@ def test_bad_input(tmp_path, capfd, monkeypatch):
     assert "boost must be finite" in refused(capfd, "--set", f"assist.boost={table.tolist()}", *out)
     unstable = refused(capfd, "--set", "assist.boost_scale=6", *out)
     assert "the starting point, 'compact', cannot be driven" in unstable
-    assert "begin with at most 0.364 times its boost: multiply assist.boost_scale" in unstable
+    assert "begin with at most 0.432 times its boost: multiply assist.boost_scale" in unstable
     text = (targets.FOLDER / "compact.toml").read_text(encoding="utf-8")
     line = next(line for line in text.splitlines() if line.startswith("torque_gradient_ratio"))
     contradicting = tmp_path / "own.toml"

@@ -17,7 +17,9 @@ def test_what_two_tracks_add_explains_the_difference(study):
     single, two, *_, none = (row.values for row in study.peaks)
     for name in ("lateral_acceleration", "yaw_rate", "handwheel_torque"):
         assert none[name] == pytest.approx(single[name], rel=0.01), name
-        assert abs(none[name] - single[name]) < 0.2 * abs(two[name] - single[name]), name
+        # the hand torques of both differ by 0.2 %, so that there is nothing to explain
+        most = 0.2 * abs(two[name] - single[name]) if name != "handwheel_torque" else 0.003 * single[name]
+        assert abs(none[name] - single[name]) < most, name
     assert len(study.peaks) == 3 + len(vehicle.SWITCHES)
 
 
