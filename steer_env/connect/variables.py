@@ -126,12 +126,12 @@ def _key(name: str, field: str, unit: str) -> tuple[str, Key] | None:
 
 def _place(subsystem: Subsystem, name: str) -> str:
     """Where in a table of the assist a parameter stands, as the end of a sentence."""
-    assist = subsystem.parameters.assist
     if curve := re.fullmatch(r"assist\.motor\.torques\[(\d+)\]", name):
-        return f"; at {assist.motor.speeds[int(curve[1]) - 1]:.4g} rad/s"
+        return f"; at {subsystem.parameters.assist.motor.speeds[int(curve[1]) - 1]:.4g} rad/s"
     found = re.fullmatch(r"assist\.(?:boost|damping|functions\.\w+\.gain)\[(\d+)(?:,(\d+))?\]", name)
     if found is None:
         return ""
+    assist = subsystem.parameters.assist
     speeds = assist.functions.speeds if "functions" in name else assist.speeds
     speed = f"; at {speeds[int(found[1]) - 1]:.4g} m/s"
     return speed + (f" and {assist.torques[int(found[2]) - 1]:.4g} N m" if found[2] else "")
