@@ -12,7 +12,7 @@ import pytest
 
 from steer_env import friction, metrics
 from steer_env.vehicle import cars
-from tests.tools.site_pages import as_markdown
+from tests.tools.site_pages import as_markdown, cell
 
 ROOT = Path(__file__).parents[1]
 
@@ -105,6 +105,10 @@ See `a.make` and `x`.
 * `ValueError`:
   If x is negative.
 """
+
+
+def test_cells_of_tables():
+    assert [cell(value) for value in ([], [1.5, 2.0], [0.0] * 5)] == ["none", "1.5, 2", "table of 5"]
 
 
 def test_a_docstring_in_markdown():

@@ -37,6 +37,7 @@ KPH = 3.6  # [km/h] of 1 m/s
 SPEEDS = (11.0, 20.0, 40.0, 100.0, 140.0)  # of the loop of the whole car [km/h]
 RESTING_UP_TO = 60.0  # above it friction at rest never has the smallest margin [km/h]
 KEEPS_UP = 2.0 * math.pi  # column speed up to which the motor gives the whole boost, assumed [rad/s]
+LEAST_SHARE = 1e-3  # of the motor's limit that counts as given where its curve has ended, assumed [1]
 FREE_SPEEDS = (60.0, 140.0)  # of the free car [km/h]
 PHASE, GAIN = TARGETS  # [deg], [dB]
 KINDS = {
@@ -133,8 +134,13 @@ def margins(
         each = [read(FREQUENCIES, assist_loop.open_loop(p).response(FREQUENCIES)) for p in points]
         found[f"phase_{kph:.0f}"] = min(math.degrees(min(m.phase for m in each)), ENOUGH[0])
         found[f"gain_{kph:.0f}"] = min(_level(min(m.gain for m in each)), ENOUGH[1])
-    free, share = _free(car._replace(assist=a), law, load, chassis), float(a.boost.max()) / available(a, KEEPS_UP)
-    return {**found, **free, "motor_limit": share, "stable": float(stable)}
+    free = _free(car._replace(assist=a), law, load, chassis)
+    return {**found, **free, "motor_limit": motor_share(a), "stable": float(stable)}
+
+
+def motor_share(a: Assist) -> float:
+    """The greatest boost over what the motor gives at ``KEEPS_UP`` [1]; finite where it gives nothing there."""
+    return float(a.boost.max()) / max(available(a, KEEPS_UP), LEAST_SHARE * a.limit)
 
 
 def _free(car: Car, law: Any, load: float, chassis: str) -> dict[str, float]:

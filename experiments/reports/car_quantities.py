@@ -96,7 +96,7 @@ def numbers(car: Car) -> list[Quantity]:
     group.add("roll_radius", "roll radius of gyration of the body over track", 2.0 * radius / track, "1")
     index = c["pitch_inertia"] / (c["sprung_mass"] * c["front_axle"] * c["rear_axle"])
     group.add("pitch_dynamic_index", "dynamic index of pitch of the body", index, "1")
-    for q in plausible.USUAL:
+    for q in plausible.quantities(car):
         if q.name not in _BESIDE:
             basis = JUDGEMENT if q.source == plausible.JUDGEMENT else PUBLISHED
             source = "" if basis == JUDGEMENT else q.source

@@ -28,7 +28,8 @@ from steer_env.vehicle.tyre.coefficients import MagicFormula
 
 # Sections whose parameters may change while the unit runs; those of the others belong to the settled start.
 TUNABLE = ("column", "assist", "friction", "level", "friction_load", "friction_torque_scale", "robot")
-AXES = ("speeds", "torques")  # of tables: their values have to ascend, which a single value cannot keep
+# Axes of tables, by the end of the path to them: their values have to ascend, which a single value cannot keep.
+AXES = ("assist.speeds", "assist.torques", "functions.speeds", "motor.speeds")
 _MU = ("chassis.mu", "chassis.body.mu")
 BOOLEAN = ("robot",)
 # Bounds of the inputs that are the road under each wheel, by the start of their names; that of the slope is assumed.
@@ -125,6 +126,8 @@ def _key(name: str, field: str, unit: str) -> tuple[str, Key] | None:
 
 def _place(subsystem: Subsystem, name: str) -> str:
     """Where in a table of the assist a parameter stands, as the end of a sentence."""
+    if curve := re.fullmatch(r"assist\.motor\.torques\[(\d+)\]", name):
+        return f"; at {subsystem.parameters.assist.motor.speeds[int(curve[1]) - 1]:.4g} rad/s"
     found = re.fullmatch(r"assist\.(?:boost|damping|functions\.\w+\.gain)\[(\d+)(?:,(\d+))?\]", name)
     if found is None:
         return ""
@@ -167,7 +170,7 @@ def _settable(leaf: Leaf) -> bool:
         return False
     named = getattr(getattr(leaf.value, "dtype", None), "names", None)
     if np.ndim(leaf.value) and not named:
-        return leaf.path[0] in TUNABLE and leaf.path[-1] not in AXES and leaf.value.dtype == np.float64
+        return leaf.path[0] in TUNABLE and ".".join(leaf.path[-2:]) not in AXES and leaf.value.dtype == np.float64
     return True
 
 

@@ -66,6 +66,11 @@ class FastSweeps:
     @cached_property
     def at_limit(self) -> np.ndarray:
         """Share of the middle of each sweep in which the motor gives its largest torque [1]."""
+        if not isinstance(self._limits, Mapping):  # a drive says there whether its wheel has a motor
+            raise RefusedError(
+                "the recording has no limits of a motor in its meta motor: give limit and the keys motor_* of its car "
+                "file there, in a mapping [meta.motor]"
+            )
         try:
             keys = dict(self._limits)
             limit, m = checked("assist", "limit", keys.pop("limit")), motor.make(**keys)

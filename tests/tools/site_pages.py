@@ -73,6 +73,8 @@ def cell(value: Any) -> str:
     if isinstance(value, bool | str):
         return str(value)
     numbers = np.asarray(value)
+    if not numbers.size:
+        return "none"
     if numbers.size > LONG:
         return f"table of {' by '.join(map(str, numbers.shape))}"
     return ", ".join(f"{number:.6g}" for number in numbers.ravel())

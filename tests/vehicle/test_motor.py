@@ -6,7 +6,11 @@ import pytest
 from scipy.optimize import brentq
 
 from steer_env import manoeuvres, metrics
-from steer_env.vehicle import cars, plant
+from steer_env.connect.variables import variables
+from steer_env.experiments.calibration import constraints
+from steer_env.experiments.cli.main import main
+from steer_env.recording import files
+from steer_env.vehicle import cars, plant, subsystems
 from steer_env.vehicle.chassis.common.interface import HAND, HAND_SPEED, INPUTS
 from steer_env.vehicle.steering import eps, motor
 
@@ -73,12 +77,16 @@ def test_limit_is_met_where_statics_and_the_curve_say(limited):
 
 
 @pytest.mark.parametrize("changes", [{}, OF_A_FILE])
-def test_metrics_tell_where_the_motor_ends(changes):
+def test_metrics_tell_where_the_motor_ends(changes, tmp_path, capsys):
     car = cars.load("compact", changes=changes)
     drive = manoeuvres.make("catch-up", rates=(3.0, 9.0, 12.0), amplitude=4.6)
-    found = metrics.evaluate(manoeuvres.drive(car, drive, "coulomb"), intervals=False)
+    recording = manoeuvres.drive(car, drive, "coulomb")
+    found = metrics.evaluate(recording, intervals=False)
     if changes:
         assert found["motor_limit_rate"].value == pytest.approx(np.degrees(12.0), rel=0.02)
+        files.write(recording, tmp_path / "a.csv")
+        assert main(["evaluate", str(tmp_path / "a.csv")]) == 0
+        assert "\nmotor_limit_rate " in capsys.readouterr().out
     else:
         assert found["share_at_motor_limit"].value == 0.0
 
@@ -98,6 +106,26 @@ def test_metrics_tell_where_the_motor_ends(changes):
 def test_bad_limits_are_refused(keys, message):
     with pytest.raises(ValueError, match=message):
         eps.make(**keys)
+
+
+def test_a_motor_that_gives_too_little_is_told():
+    """Where it stands, by a warning; at 360 deg/s as a constraint, which is finite also where the curve has ended."""
+    car = cars.load("compact")
+    weak = {**CURVE, "motor_torques": [2.0, 2.0, 1.0, 0.5, 0.1, 0.0]}
+    with pytest.warns(cars.UnusualCar, match="greatest boost over the limit of the motor is 1.3"):
+        cars.load({"base": "compact", "assist": weak})
+    ended = eps.make(motor_speeds=[0.0, 100.0], motor_torques=[3.5, 0.0])
+    assert constraints.motor_share(car.assist) == car.assist.boost.max() / car.assist.limit
+    assert 100.0 < constraints.motor_share(ended) < np.inf
+
+
+def test_the_curve_is_of_parameters_of_an_exported_unit(limited):
+    listed = variables(subsystems.make("steering", limited.plant("coulomb", 20.0), 20.0), 3)
+    curve = {v.name: v for v in listed if v.name.startswith("assist.motor.torques[")}
+    assert [v.start for v in curve.values()] == CURVE["motor_torques"]
+    found = curve["assist.motor.torques[3]"]
+    assert (found.unit, found.use, found.low) == ("N m", "TUNABLE", 0.0)
+    assert found.description.endswith("; at 150 rad/s")
 
 
 def test_keys_give_the_limits_again():

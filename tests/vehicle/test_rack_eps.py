@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from steer_env import friction, manoeuvres
+from steer_env.experiments.reports import car_quantities
 from steer_env.vehicle import cars, plant
 from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST, INPUTS
 from steer_env.vehicle.plant import CHANNEL
@@ -94,6 +95,8 @@ def test_boost_at_the_rack_is_that_at_the_column():
     assert "boost" not in car.data()["rack_eps"]  # that of the assist says the same, and its tools change it
     again = cars.load(car.data())
     assert (again.column, again.data()) == (car.column, car.data())
+    changed = cars.load(car.data(), {"rack_eps.boost": [[0.0, 2000.0], [0.0, 500.0]]})
+    np.testing.assert_array_equal(changed.assist.boost, R * np.array([[0.0, 2000.0], [0.0, 500.0]]))
 
 
 def test_steering_chooses_a_packaged_car():
@@ -138,6 +141,16 @@ FOLLOWS = (
             {"base": "compact", "rack_eps": {"boost": [[0.0, 1.0], 2]}, "assist": TWO},
             "rack_eps.boost must hold numbers",
         ),
+        (
+            {"base": "compact", "rack_eps": {"boost": [[0.0, -3000.0], [0.0, 1.0]]}, "assist": TWO},
+            r"rack_eps.boost must have rows of numbers \[N\], not negative, .*, got \[\[0.0, -3000.0\]",
+        ),
+        (
+            {"base": "compact", "rack_eps": {"boost": [[0.0, "3000"], [0.0, 1.0]]}, "assist": TWO},
+            "rack_eps.boost must hold numbers only, got '3000'",
+        ),
+        ({"base": "compact", "rack_eps": {}, "assist": 5}, "assist must hold keys and values, got 5"),
+        ({"base": "compact", "rack_eps": {}, "column": [1]}, r"column must hold keys and values, got \[1\]"),
     ],
 )
 def test_bad_car_files_are_refused(data, message):
@@ -165,6 +178,11 @@ def test_a_steering_that_no_car_has_is_refused(name, steering, message):
 def test_a_column_that_was_replaced_is_no_rack_eps():
     with pytest.raises(ValueError, match=r"column.I2 follows from the section rack_eps of the car"):
         CAR._replace(column=CAR.column._replace(I2=0.06)).data()
+
+
+def test_page_of_a_car_has_the_numbers_of_its_kind():
+    shown = {q.name for q in car_quantities.numbers(CAR)} - {q.name for q in car_quantities.numbers(cars.load())}
+    assert shown == {f"rack_eps.{key}" for key in OWN}
 
 
 def test_friction_of_its_sites():

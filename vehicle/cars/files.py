@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from steer_env.friction.numerics import toml
 from steer_env.friction.numerics.check import one_of
@@ -28,7 +29,7 @@ from steer_env.vehicle.cars.keys import (
     require,
     require_known,
 )
-from steer_env.vehicle.keys import declared_keys
+from steer_env.vehicle.keys import LARGEST, declared_keys
 from steer_env.vehicle.steering.assist.by_speed import table
 from steer_env.vehicle.steering.kinds import common as kinds
 from steer_env.vehicle.suspension import kinematics_table
@@ -105,12 +106,14 @@ def _at_column(data: dict[str, Any], pinion_radius: float) -> dict[str, Any]:
         return data
     kind, found = kinds.KINDS[name], dict(data)
     require_known(name, data[name], (*declared_keys()[name],))
+    for other in ("column", "assist"):
+        require_known(other, data[other], signature(CONSTRUCTORS[other]).parameters)
     section = dict(data[name])
     if "boost" in section:
         if "boost" in data["assist"]:
             raise ValueError(f"{name}.boost and assist.boost are both given: give one of them")
-        own = kind.boost(table(f"{name}.boost", section.pop("boost")), pinion_radius)
-        found["assist"] = {**data["assist"], "boost": own.tolist()}
+        own = _boost(name, section.pop("boost"))
+        found["assist"] = {**data["assist"], "boost": kind.boost(own, pinion_radius).tolist()}
     found[name] = numbers(name, section)
     for other, keys in kind.at_column(found[name], pinion_radius).items():
         for key, value in keys.items():
@@ -120,6 +123,19 @@ def _at_column(data: dict[str, Any], pinion_radius: float) -> dict[str, Any]:
                     f"it out, or give {value!r}, got {given!r}"
                 )
         found[other] = {**found[other], **keys}
+    return found
+
+
+def _boost(name: str, given: Any) -> NDArray[Any]:
+    """The boost table of a kind of steering, checked in its own unit; the assist compares its shape with its own."""
+    _require_numbers(f"{name}.boost", given)
+    found = table(f"{name}.boost", given)
+    if found.ndim != 2 or not found.size or not np.all((found >= 0.0) & (found <= LARGEST)) or np.any(found[:, 0]):
+        unit = declared_keys()[name]["boost"].unit
+        raise ValueError(
+            f"{name}.boost must have rows of numbers [{unit}], not negative, at most {LARGEST:g}, and zero at zero "
+            f"torque, got {found.tolist()}"
+        )
     return found
 
 
@@ -150,6 +166,13 @@ def _leaves(value: Any) -> Iterator[Any]:
         yield value
 
 
+def _require_numbers(name: str, given: Any) -> None:
+    """Raise ValueError unless a list holds numbers only: float() takes True and "1"."""
+    for leaf in _leaves(given):
+        if isinstance(leaf, bool) or not isinstance(leaf, Real):
+            raise ValueError(f"{name} must hold numbers only, got {leaf!r}")
+
+
 _FORMS = ("a number", "a list of numbers", "a list of rows, each a list of numbers")
 
 
@@ -173,9 +196,7 @@ def _constructed(section: str, given: Any) -> Any:
             if not isinstance(value, str):
                 raise ValueError(f"{section}.{key} must be text, got {value!r}")
             continue
-        for leaf in _leaves(value):
-            if isinstance(leaf, bool) or not isinstance(leaf, Real):  # float() takes True and "1"
-                raise ValueError(f"{section}.{key} must hold numbers only, got {leaf!r}")
+        _require_numbers(f"{section}.{key}", value)
     try:
         return make(**given)
     except ValueError as error:
@@ -252,6 +273,8 @@ def _changed(car: Car, changes: Mapping[str, Any]) -> Car:
             data[name] = value
         elif key and (section in TABLES or (section in OF_KINDS and section == car.kind)):
             data[section][key] = value
+            if section in OF_KINDS and key == "boost" and "assist.boost" not in changes:
+                data["assist"].pop("boost", None)  # which is that of the kind at the column
         else:
             sections = (*TABLES, *(name for name in OF_KINDS if name == car.kind))
             tables = ", ".join(f"{name}.KEY" for name in sections)

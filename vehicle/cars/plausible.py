@@ -20,6 +20,7 @@ from steer_env.vehicle.constants import GRAVITY
 from steer_env.vehicle.keys import JUDGEMENT, declared_keys
 from steer_env.vehicle.steering import stability
 from steer_env.vehicle.steering.assist.functions import Functions
+from steer_env.vehicle.steering.motor import Motor
 
 if TYPE_CHECKING:
     from steer_env.vehicle.cars.car import Car
@@ -114,7 +115,10 @@ def _radius_ratio(car: "Car") -> float:
 
 
 def _boost_share(car: "Car") -> float:
-    return float(car.assist.boost.max()) / car.assist.limit
+    limit, motor = car.assist.limit, car.assist.motor
+    if isinstance(motor, Motor):
+        limit = min(limit, motor.torques[0] * motor.ratio)
+    return float(car.assist.boost.max() / limit)
 
 
 def _compensated_inertia(car: "Car") -> float:
@@ -195,7 +199,7 @@ _PLACED: tuple[Quantity, ...] = (
         *("strength of the functions at which the loop becomes unstable, over theirs", stability.STRENGTHS, "1"),
         *(_functions_to_the_limit, stability.USUAL_LIMIT, math.inf),
     ),
-    Quantity("greatest boost over the limit of the motor", "boost, limit", "1", _boost_share, 0.0, 1.0),
+    Quantity("greatest boost over the limit of the motor", "boost, limit, motor_torques", "1", _boost_share, 0.0, 1.0),
     Quantity("deceleration with the full pedal", "brakes, mass", "g", _braking, 0.8, 1.6),
 )
 
@@ -211,10 +215,15 @@ USUAL = (*_PLACED, *_others())
 _OF_KIND = {name: [_of(name, key) for key, about in declared_keys()[name].items() if about.usual] for name in OF_KINDS}
 
 
+def quantities(car: "Car") -> list[Quantity]:
+    """The quantities that a car has, with those of its kind of steering."""
+    return [*USUAL, *_OF_KIND.get(car.kind, ())]
+
+
 def unusual(car: "Car") -> list[str]:
     """A line for each quantity of the car outside its usual range: keys, name, value, range and its source."""
     found = []
-    for q in (*USUAL, *_OF_KIND.get(car.kind, ())):
+    for q in quantities(car):
         value = q.value(car)
         if not q.low <= value <= q.high:
             unit, keys = "" if q.unit == "1" else f" {q.unit}", f"{q.keys}: " if q.keys else ""

@@ -26,7 +26,7 @@ SCALE = "torque_scale_error"
 # prescribes; its option, the unit of that, and how many of it are one SI.
 APART = {"speed_m_s": (0.03, "--speed-kph", "km/h", 3.6), "frequency_hz": (0.1, "--frequency-hz", "Hz", 1.0)}
 MOST = 8  # recordings that are compared
-TEXTS = ("edition", "mirrored")  # conditions that are no numbers
+NO_NUMBERS = ("edition", "mirrored", "motor")  # conditions that the metrics check themselves
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -353,7 +353,7 @@ def _conditions_of(place: str, meta: Mapping[str, Any], prescribed: Mapping[str,
     """The conditions of a recording: those of its meta, else those of the test."""
     found = {**prescribed, **{key: meta[key] for key in prescribed if meta.get(key) is not None}}
     for key, value in found.items():
-        if key in meta and key not in TEXTS and value is not None:
+        if key in meta and key not in NO_NUMBERS and value is not None:
             least = 0.0 if key in APART or prescribed[key] else -math.inf
             number(f"{place}: {key}", value, minimum=least, above=bool(prescribed[key]))
     if SCALE in meta:
