@@ -1,7 +1,7 @@
 """Processor time of the first step of an environment, by each compiler and from the cache.
 
-``python tests/tools/compile_time.py`` prints a table in Markdown. Required are at most 25 s with numba's own compiler,
-at most 10 s with the fast one, and at most 3 s for a second task on the same friction law and chassis.
+``python tests/tools/compile_time.py`` prints a table in Markdown. Required are at most 30 s with numba's own compiler,
+at most 15 s with the fast one, and at most 3 s for a second task on the same friction law and chassis.
 """
 
 import os

@@ -16,7 +16,7 @@ WEAVE = id_of("AssistWeave")
 
 def rows() -> Iterator[Row]:
     """Environment steps relative to CartPole-v1, 1 ms of plant relative to LuGre's step alone, and the first step."""
-    limits = {(name, "full"): _limit(name) for name in DRIVEN} | {(WEAVE, "full"): 1.85, (WEAVE, "none"): 1.2}
+    limits = {(name, "full"): _limit(name) for name in DRIVEN} | {(WEAVE, "full"): 2.2, (WEAVE, "none"): 1.5}
     for (name, level), ratio in step_time.ratios(limits).items():
         what = name if level == "full" else f"{name} without infos"
         yield _time(f"{what}, over CartPole-v1", ratio, limits[name, level], "x")
@@ -25,7 +25,7 @@ def rows() -> Iterator[Row]:
         yield _time(f"1 ms on {chassis}, over LuGre alone", times[chassis] / times["friction"], most, "x")
         yield _time(f"1 ms on {chassis}", 1e9 * times[chassis], 700.0, "ns")
     with tempfile.TemporaryDirectory() as cache:
-        for what, most in (("compiled", 10.0), ("from the cache", 2.0)):
+        for what, most in (("compiled", 15.0), ("from the cache", 2.0)):
             yield _time(f"first step, {what}", step_time.first_step("steer_env/AssistWeave-v3", cache), most, "s")
     with tempfile.TemporaryDirectory() as cache:
         seconds = step_time.first_step("steer_env/AssistWeave-v3", cache, "two_track")
@@ -33,9 +33,9 @@ def rows() -> Iterator[Row]:
 
 
 def _limit(name: str) -> float:
-    """Most time of a step of an id over that of CartPole-v1; the plant alone takes 1.7 times as long on two tracks."""
+    """Most time of a step of an id over that of CartPole-v1, by the plant, which has friction at three sites."""
     chassis = tasks.task(name.removeprefix("steer_env/").rpartition("-")[0]).chassis[0]
-    return 2.0 if chassis == "single_track" else 3.0
+    return 2.6 if chassis == "single_track" else 3.2
 
 
 def _time(what: str, value: float, most: float, unit: str) -> Row:

@@ -60,7 +60,7 @@ def test_a_persons_weave_gets_the_metrics_of_the_robots(chassis, tmp_path):
     """Through filter, loop, recorder, thinning and file; the sensor's 16 bit only add noise."""
     manoeuvre = manoeuvres.make("weave")
     manoeuvre = type(manoeuvre)(**{**manoeuvre.__dict__, "chassis": chassis})
-    robot = manoeuvres.drive(cars.load("compact"), manoeuvre, "lugre")
+    robot = manoeuvres.drive(cars.load("compact"), manoeuvre)
     driven = weave(tmp_path, robot.meta["amplitude_rad"], manoeuvre.duration, chassis, bits=16)
     expected, found = metrics.evaluate(robot), metrics.evaluate(driven)
     assert expected.keys() == found.keys()
