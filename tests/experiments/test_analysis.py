@@ -13,10 +13,12 @@ from steer_env.experiments.calibration import constraints, margin_map
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.reports import analysis, analysis_page
 from steer_env.experiments.studies.common.assist_margins import assist_cells
+from steer_env.friction.sites import transmissions
 from steer_env.vehicle import cars
 from steer_env.vehicle.analysis import assist_loop
 from steer_env.vehicle.analysis.operating_point import cornering, held, steady
-from steer_env.vehicle.steering.margins import Margins, worst_margins
+from steer_env.vehicle.steering import margins
+from steer_env.vehicle.steering.margins import Margins
 from tests.experiments.first_screen import sentence
 
 ROOT = Path(__file__).parents[2]
@@ -44,8 +46,10 @@ def test_page_of_a_car(tmp_path, capsys):
     assert len(data["map"]) - len(standing) == 36
     assert sum(cell["reached"] for cell in data["map"]) - len(standing) == 24
     own = next(c for c in data["map"] if (c["speed_kph"], c["torque"], c["hands"]) == (60.0, 3.0, "off"))
-    point = held(steady(cornering(cars.load("compact"), 60.0 / 3.6), torque=3.0), "off")
-    expected = assist_loop.margins(point)
+    car = cars.load("compact")
+    point = held(steady(cornering(car, 60.0 / 3.6), torque=3.0), "off")
+    passed = transmissions(friction.resolve(car.friction))
+    expected = margins.least([assist_loop.margins(assist_loop.transmitted(point, factor)) for factor in passed])
     assert own["friction"] == margin_map.SLIDING
     assert (own["gain"], own["phase"], own["disk"]) == pytest.approx((expected.gain, expected.phase, expected.disk))
     page = (tmp_path / "first" / "index.html").read_text(encoding="utf-8")
@@ -93,11 +97,12 @@ def test_every_page_has_the_margins_of_one_function(tmp_path):
     standing = [cell for cell in analysed["map"] if cell["speed_kph"] == 0.0]
     phase, gain = min(cell["phase"] for cell in standing), min(cell["gain"] for cell in standing)
     found += [(math.degrees(phase), 20.0 * math.log10(gain)), tuple(analysed["least"].values())]
-    cells = assist_cells(car, 0.0)
+    law = friction.resolve(car.friction)
+    cells = assist_cells(car, 0.0, [law])
     found.append((min(cell.phase_deg for cell in cells), min(cell.gain_db for cell in cells)))
-    tuned = constraints.margins(car, car.assist, friction.make("lugre"), 0.0, constraints.reaches(car))
+    tuned = constraints.margins(car, car.assist, law, 0.0, constraints.reaches(car))
     found.append((tuned["column_phase_0"], tuned["column_gain_0"]))
-    worst = worst_margins(car.column, car.assist, 0.0)
+    worst = margins.worst_margins(car.column, car.assist, 0.0, transmissions=transmissions(law))
     found.append((math.degrees(worst.phase), 20.0 * math.log10(worst.gain)))
     assert len({(round(phase, 9), round(gain, 9)) for phase, gain in found}) == 1, found
 
