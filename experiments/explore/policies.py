@@ -129,6 +129,7 @@ def _guard(dt: float, caution: float) -> dict[str, Any]:
         "gripKept": grip_kept,
         "motionKept": motion_kept,
         "caution": caution,
+        "above": reference_feel.ABOVE,
         "grip": reference_feel.GRIP,
         "slow": reference_feel.SLOW,
         "halfSpeed": reference_feel.HALF_SPEED,

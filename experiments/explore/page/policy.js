@@ -20,7 +20,7 @@
 
 /** @typedef {{name: string, bound: number, scale: number, mean: number, deviation: number}} Observed */
 /** @typedef {{dt: number, hands: number, corner: number, gripKept: number, motionKept: number, caution: number,
- *             grip: number, slow: number, halfSpeed: number}} GuardNumbers */
+ *             above: number, grip: number, slow: number, halfSpeed: number}} GuardNumbers */
 /** @typedef {{id: string, role: "driver" | "assist", observed: Observed[], follows: boolean, clip: number,
  *             path: {names: string[], spacing: number, step: number}, layers: [number, number][], given: number,
  *             torque: number, ramped: boolean, samples: number, guard: GuardNumbers | null}} PolicyData */
@@ -106,7 +106,7 @@ function steerPolicies() {
       let value = torque + (inertia * (speed - this.speed)) / of.dt, slow = speed, quick = speed;
       this.speed = speed;
       this.hands = this.hands.map((held) => (value = held + of.hands * (value - held)));
-      this.grip = Math.max(Math.abs(value), of.gripKept * this.grip);
+      this.grip = Math.max(Math.abs(value) - of.above, of.gripKept * this.grip);
       this.low = this.low.map((held) => (slow = held + of.corner * (slow - held)));
       this.high = this.high.map((held) => {
         const now = held + of.corner * (quick - held);

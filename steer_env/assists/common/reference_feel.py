@@ -8,7 +8,8 @@ the assist is faded instead, by a share of two factors:
     share = g^2/(g^2 + GRIP^2) s^2/(s^2 + caution f^2 v^2/(v^2 + v_0^2))
 
 * g is the grip: the decaying peak of the hands' torque T_tb + I_1 w1', which is what twists the torsion bar beyond the
-  handwheel's own inertia, through two low-pass filters. Nobody holds the handwheel where it is small.
+  handwheel's own inertia, through two low-pass filters, less what friction above the bar may hold without hands.
+  Nobody holds the handwheel where it is small.
 * f is the decaying peak of the handwheel speed's part above ``CORNER``, and s^2 that of the part below, plus
   ``SLOW``^2. Quick steering is left to the car and its boost, the more the larger ``caution`` is. Only the ratio
   counts, so an oscillation of any size fades the assist that feeds it, until it dies out. v is the car's speed: a
@@ -31,7 +32,8 @@ from steer_env.tasks.common.standstill import CREEPING
 
 Array = NDArray[np.float64]
 
-GRIP = 0.1  # torque of the hands that halves the assist [N m]
+ABOVE = 0.2  # twist of the bar that friction above it may hold, twice that of the default car [N m]
+GRIP = 0.1  # torque of the hands beyond it that halves the assist [N m]
 GRIP_TIME = 0.15  # time constant with which the grip decays [s]
 HANDS_BANDWIDTH = 4.0  # of each of the two filters on the hands' torque [Hz]
 CORNER = 0.5  # between slow and quick motions of the handwheel [Hz]
@@ -68,7 +70,7 @@ def write_shares(rates, inertia, dt, seen, memory, out):
         for k in range(_HANDS, _GRIP):
             m[k] += hands * (value - m[k])
             value = m[k]
-        m[_GRIP] = max(abs(value), grip_kept * m[_GRIP])
+        m[_GRIP] = max(abs(value) - ABOVE, grip_kept * m[_GRIP])
         slow = quick = speed
         for k in range(_LOW, _HIGH):
             m[k] += corner * (slow - m[k])
