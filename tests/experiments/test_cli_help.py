@@ -287,6 +287,7 @@ SWEEPS = {
     ("policy", "friction-shift"),
     ("policy", "shift"),
     ("policy", "suite"),
+    ("production",),
     ("report",),
     ("run",),
     ("sensitivity",),
