@@ -113,14 +113,14 @@ def tolerances(texts: Sequence[str]) -> dict[str, float | tuple[float, float]]:
     for text in texts:
         name, equals, value = text.partition("=")
         if name in found:
-            raise ValueError(f"--tolerances gives {name} twice: give it once")
+            raise ValueError(f"--parameters gives {name} twice: give it once")
         try:
             low, colon, high = value.partition(":")
             found[name] = (float(low), float(high)) if colon else 0.01 * float(value.removesuffix("%"))
             if not equals or bool(colon) == value.endswith("%"):
                 raise ValueError
         except ValueError:
-            raise ValueError(f"--tolerances takes NAME=P% or NAME=LOW:HIGH, got {text!r}") from None
+            raise ValueError(f"--parameters of production takes NAME=P% or NAME=LOW:HIGH, got {text!r}") from None
     return found
 
 

@@ -160,14 +160,14 @@ class Spread(NamedTuple):
 def distributions(rows: Mapping[str, Spread]) -> Figure:
     """Histograms of metrics beside their bands, a row for each; what lies beyond the axis is in the outermost bin."""
     low, high, bins = -0.75, 1.75, 75
-    figure = new_figure(6.6, 0.42 * len(rows) + 0.8)
+    figure = new_figure(9.0, 0.36 * len(rows) + 0.8)
     axes = figure.subplots()
     edges = np.linspace(low, high, bins + 1)
     axes.axvspan(0.0, 1.0, color=_GOOD, zorder=0, label="good band")
     for k, row in enumerate(rows.values()):
         ends = np.clip(row.fair, low, high)
-        for end in ends:
-            axes.plot([end, end], [k - 0.8, k], color=_SHADE, linewidth=0.9, label="" if k else "fair band")
+        for side, end in enumerate(ends):
+            axes.plot([end, end], [k - 0.8, k], color=_SHADE, linewidth=0.9, label="" if k or side else "fair band")
         counts, _ = np.histogram(np.clip(row.places, low, high), edges)
         top = k - 0.8 * counts / max(counts.max(), 1)
         axes.stairs(top, edges, baseline=k, fill=True, color=PALETTE[0], alpha=0.75, label="" if k else "cars")

@@ -287,7 +287,6 @@ SWEEPS = {
     ("policy", "friction-shift"),
     ("policy", "shift"),
     ("policy", "suite"),
-    ("production",),
     ("report",),
     ("run",),
     ("sensitivity",),

@@ -68,7 +68,6 @@ COMMANDS = {
     "run": ["run", "all", "--friction", NAME, *IMPORT],
     "report": ["report", "--friction", NAME, *IMPORT],
     "tune": ["tune", "--friction", NAME, "--budget", "2", *IMPORT],
-    "production": ["production", "--friction", NAME, "--cars", "2", *IMPORT],
     "sensitivity": ["sensitivity", "--friction", NAME, "--samples", "4", *IMPORT],
     "policy evaluate": [
         "policy", "evaluate", "damping", "--env", ASSIST, "--friction", NAME, "--episodes", "2", *IMPORT

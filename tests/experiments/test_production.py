@@ -132,30 +132,34 @@ def test_few_cars_say_that_they_are_few(faked):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--tolerances", "column.K=5%"], "--tolerances has no number 'column.K'; there are boost_level, "),
+        (["--parameters", "column.K=5%"], "--parameters has no number 'column.K'; there are boost_level, "),
         (
-            ["--tolerances", "column.K_tb=-5%"],
+            ["--parameters", "column.K_tb=-5%"],
             "the tolerance of column.K_tb must be finite and greater than 0 and at most 1, got -0.05",
         ),
-        (["--tolerances", "column.K_tb=5"], "--tolerances takes NAME=P% or NAME=LOW:HIGH, got 'column.K_tb=5'"),
-        (["--tolerances", "load=0:900"], r"load \[kg\] must be finite and at least 0 and at most 500, got 900"),
-        (["--tolerances", "load=5%"], "load is 0, of which 0.05 is none"),
-        (["--tolerances", "load=75:0"], r"load must be \(low, high\) with low < high"),
-        (["--tolerances", "speed=20:30"], "has 'speed', which is the tests' own"),
-        (["--tolerances", "column.K_tb=5%", "column.K_tb=4%"], "gives column.K_tb twice"),
         (
-            ["--tolerances", "chassis.mass=20:2000"],
+            ["--parameters", "column.K_tb=5"],
+            "of production takes NAME=P% or NAME=LOW:HIGH, got 'column.K_tb=5'",
+        ),
+        (["--parameters", "load=0:900"], r"load \[kg\] must be finite and at least 0 and at most 500, got 900"),
+        (["--parameters", "load=5%"], "load is 0, of which 0.05 is none"),
+        (["--parameters", "load=75:0"], r"load must be \(low, high\) with low < high"),
+        (["--parameters", "speed=20:30"], "has 'speed', which is the tests' own"),
+        (["--parameters", "column.K_tb=5%", "column.K_tb=4%"], "gives column.K_tb twice"),
+        (
+            ["--parameters", "chassis.mass=20:2000"],
             r"chassis.mass \[kg\] must be finite and at least 100 and at most 10000, got 20",
         ),
         (
-            ["--tolerances", "friction.F_c=0:1"],
+            ["--parameters", "friction.F_c=0:1"],
             "friction.F_c=0 is not allowed: .*F_c must be finite and greater than 0",
         ),
+        (["--span", "0.5"], "--span has no effect with --method production"),
         (["--manoeuvre", "pulse"], "targets 'compact' have no band for pulse: it has weave, "),
     ],
 )
 def test_bad_input(words, message, tmp_path, capsys):
-    assert main(["production", *words, "--out", str(tmp_path)]) == 2
+    assert main(["sensitivity", "--method", "production", *words, "--out", str(tmp_path)]) == 2
     assert re.search(message, capsys.readouterr().err)
 
 

@@ -229,6 +229,7 @@ def test_cluster_gives_the_same_to_the_bit(car):
         (["--also", "load=0:900"], r"load=0:900: it may go from 0 to 500 \[kg\]"),
         (["--also", "steering.friction_asymmetry"], "is 0: give its range"),
         (["--also", "assist.torques"], "has no number 'assist.torques'"),
+        (["--manoeuvre", "weave"], "--manoeuvre has no effect with --method morris"),
         (["--span", "0"], "--span must be finite and greater than 0"),
         (["--samples", "3"], "--samples must be at least 4, got 3"),
         (["--method", "sobol", "--samples", "48"], "a power of two with --method sobol, as 32 or 64, got 48"),
