@@ -37,20 +37,20 @@ INNER = 0.5  # part of a tolerance that a narrower one keeps [1]
 class Share(NamedTuple):
     """A share of cars."""
 
-    count: int
+    cars: int  # that have what is asked
     of: int
 
     @property
     def value(self) -> float:
         """The share [1]; NaN of no car."""
-        return self.count / self.of if self.of else math.nan
+        return self.cars / self.of if self.of else math.nan
 
     @property
     def interval(self) -> tuple[float, float]:
         """Its 95 % interval by Clopper and Pearson [1]."""
         if not self.of:
             return 0.0, 1.0
-        found = stats.binomtest(self.count, self.of).proportion_ci(LEVEL, method="exact")
+        found = stats.binomtest(self.cars, self.of).proportion_ci(LEVEL, method="exact")
         return float(found.low), float(found.high)
 
 
@@ -74,6 +74,11 @@ class Judged(NamedTuple):
     values: Array  # (n,), NaN where it is refused [unit]
     reason: str  # the most frequent one where it is refused
     drivers: tuple[Driver, ...]  # the strongest first; empty where too few cars fail or pass
+
+    @property
+    def nominal(self) -> bool:
+        """Whether the nominal car is in the good band."""
+        return self.band.good[0] <= self.own <= self.band.good[1]
 
     @property
     def inside(self) -> Which:
@@ -119,18 +124,15 @@ class Results(NamedTuple):
     seed: int
     cars: Population
     judged: list[Judged]
-    drivers: tuple[Driver, ...]  # of a car that misses any band
-    narrowed: dict[str, Share]  # parameter -> of cars with it in the inner half of its range, those in every band
-
-    @property
-    def inside(self) -> Which:
-        """(n,) whether each car is in every good band."""
-        return np.all([each.inside for each in self.judged], axis=0)
+    held: Share  # of cars in every good band that the nominal car is in
+    drivers: tuple[Driver, ...]  # of a car that misses one of these
+    narrowed: dict[str, Share]  # parameter -> of cars with it in the inner half of its range, those in all of these
 
     @property
     def total(self) -> Share:
         """Of cars in every good band."""
-        return Share(int(self.inside.sum()), self.inside.size)
+        every = np.all([each.inside for each in self.judged], axis=0)
+        return Share(int(every.sum()), every.size)
 
     @property
     def fair(self) -> Share:
@@ -203,13 +205,14 @@ def collect(
         raise ValueError(f"the nominal car {study.car.name!r} cannot be driven: {why}")
     cars = population.collect(study, n, seed, distribution, sweep, notify)
     judged = [_judged(output, band, nominal.values[output], cars) for output, band in bands.items()]
-    inside = np.all([each.inside for each in judged], axis=0)
+    # Where the nominal car misses a band, nearly all do, and tolerances are not why.
+    inside = np.all([np.ones(n, np.bool_), *(each.inside for each in judged if each.nominal)], axis=0)
     narrowed = {}
     for f in study.factors:
         inner = np.abs(cars.parameters[f.name] - 0.5 * (f.low + f.high)) <= 0.5 * INNER * (f.high - f.low)
         narrowed[f.name] = Share(int((inside & inner).sum()), int(inner.sum()))
-    drivers = drivers_of(cars.parameters, ~inside)
-    return Results(study, law, targets.name, distribution, seed, cars, judged, drivers, narrowed)
+    held, drivers = Share(int(inside.sum()), inside.size), drivers_of(cars.parameters, ~inside)
+    return Results(study, law, targets.name, distribution, seed, cars, judged, held, drivers, narrowed)
 
 
 def _judged(output: Output, band: Band, own: float, cars: Population) -> Judged:

@@ -20,8 +20,7 @@ SHOWN = 10  # metrics, the worst ones, in the answer
 def percent(share: Share) -> str:
     """A share with its interval, in per cent: no more digits than the number of cars gives."""
     digits = 0 if share.of < 300 else 1
-    low, high = share.interval
-    value, low, high = (f"{100.0 * x:.{digits}f}" for x in (share.value, low, high))
+    value, low, high = (f"{100.0 * x:.{digits}f}" for x in (share.value, *share.interval))
     return f"{value} % ({low} to {high} %)" if share.of else "–"
 
 
@@ -63,7 +62,7 @@ def _spread(row: Judged) -> Spread | None:
 def build(results: Results) -> tuple[Page, dict[str, Any]]:
     """The page and its numbers as JSON."""
     rows = sorted(results.judged, key=lambda row: row.share.value)
-    failing = [row for row in rows if row.share.count < row.share.of]
+    failing = [row for row in rows if row.share.cars < row.share.of]
     gain = sorted(results.narrowed.items(), key=lambda item: -item[1].value if item[1].of else 1.0)
     spreads = {label(row.name): spread for row in rows if (spread := _spread(row)) is not None}
     of = {f.name: f for f in results.study.factors}
@@ -72,7 +71,8 @@ def build(results: Results) -> tuple[Page, dict[str, Any]]:
         "total": percent(results.total),
         "fair": percent(results.fair),
         "failing": failing,
-        "outside": [row for row in failing if not row.band.good[0] <= row.own <= row.band.good[1]],
+        "held": percent(results.held),
+        "outside": [row for row in rows if not row.nominal],
         "shares": tuning_pictures.shares(
             {label(row.name): (row.share.value, *row.share.interval) for row in rows[:SHOWN]}
         ),
@@ -98,7 +98,7 @@ def build(results: Results) -> tuple[Page, dict[str, Any]]:
 
 
 def _share(share: Share) -> dict[str, Any]:
-    return {"cars": share.count, "of": share.of, "share": _finite(share.value), "ci": list(share.interval)}
+    return {"cars": share.cars, "of": share.of, "share": _finite(share.value), "ci": list(share.interval)}
 
 
 def _finite(value: float) -> float | None:
@@ -114,7 +114,12 @@ def _json(r: Results) -> dict[str, Any]:
         "distribution": r.distribution,
         "seed": r.seed,
         "tolerances": {f.name: {"unit": f.unit, "low": f.low, "high": f.high, "own": f.own} for f in r.study.factors},
-        "total": {**_share(r.total), "fair": _share(r.fair), "drivers": [d._asdict() for d in r.drivers]},
+        "total": {
+            **_share(r.total),
+            "fair": _share(r.fair),
+            "held": _share(r.held),
+            "drivers": [d._asdict() for d in r.drivers],
+        },
         "outputs": {
             row.name: {
                 "test": row.test or "loop",

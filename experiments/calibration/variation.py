@@ -105,16 +105,16 @@ def quantity(car: Car, law: Any, name: str, what: str = "--parameters") -> Quant
     found: Any = car.data().get(section)
     if section == "friction":
         found, key = _of_friction(law, name)
-    own = found.get(key) if isinstance(found, dict) else None
-    if isinstance(own, bool) or not isinstance(own, int | float):
+    value = found.get(key) if isinstance(found, dict) else None
+    if isinstance(value, bool) or not isinstance(value, int | float):
         kinds = f"{', '.join(KNOWN)}, {', '.join(CONDITIONS)}, friction.KEY or friction.SITE.KEY, or SECTION.KEY "
         kinds += "of a car file with a number"
         raise ValueError(f"{what} has no number {name!r}; there are {kinds}")
     if section != "friction":
         about = declared_keys()[section][key]
-        return Quantity(about.unit, float(own), (about.low, about.high))
+        return Quantity(about.unit, float(value), (about.low, about.high))
     limits = (gear.LEAST_EFFICIENCY, 1.0) if key == "efficiency" else (-math.inf, math.inf)
-    return Quantity(LAWS[found["law"]].units.get(key, "SI"), float(own), limits)
+    return Quantity(LAWS[found["law"]].units.get(key, "SI"), float(value), limits)
 
 
 def _of_friction(law: Any, name: str) -> tuple[dict[str, Any], str]:

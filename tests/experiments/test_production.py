@@ -26,7 +26,8 @@ def fake(block):
     for row in block.rows:
         values = dict.fromkeys(block.study.outputs, 90.0)
         values |= {("weave", name): 0.5 * sum(band.good) for name, band in bands.items()}
-        values["weave", "torque_at_0g"] = 2.0 * row[1] + 1e-6 * row[0] + 1e-6 * row[2]
+        values["weave", "torque_at_0g"] = 2.0 * row[1] - 0.1 + 1e-9 * (row[0] + row[2])
+        values["weave", "angle_deadband"] = 0.0
         refused = {("weave", "yaw_lag"): "no crossing"} if row[1] < 0.8 else {}
         found.append(Outputs(values | dict.fromkeys(refused, math.nan), refused))
     return found
@@ -101,24 +102,25 @@ def test_shares_and_intervals_are_those_of_closed_forms():
 
 
 def test_the_parameter_that_decides_is_named(faked, tmp_path):
-    """Friction above 1 misses the torque's band, below 0.8 a metric is refused; the others do nothing."""
+    """Friction above 1.05 misses a band, below 0.8 a metric is refused; no car is in a third; others do nothing."""
     found = production.collect(study(), targets.load("compact"), "lugre", 400, seed=2)
     level = found.cars.parameters["friction_level"]
-    assert found.total.count == np.sum((level >= 0.8) & (level < 1.0))
+    assert (found.total.cars, found.held.cars) == (0, np.sum((level >= 0.8) & (level < 1.05)))
     rows = {row.name: row for row in found.judged}
     torque, lag = rows["torque_at_0g"], rows["yaw_lag"]
-    assert (torque.below, torque.above, torque.refused) == (0, np.sum(level > 1.0), 0)
-    assert (lag.refused, lag.share.count, lag.reason) == (np.sum(level < 0.8), np.sum(level >= 0.8), "no crossing")
+    assert (torque.below, torque.above, torque.refused) == (0, np.sum(level > 1.05), 0)
+    assert (lag.refused, lag.share.cars, lag.reason) == (np.sum(level < 0.8), np.sum(level >= 0.8), "no crossing")
     for row, high in ((torque, True), (lag, False)):
         first, *others = row.drivers
         assert (first.name, first.distance, first.high, first.told) == ("friction_level", 1.0, high, True)
         assert not any(each.told for each in others)
     inner = found.narrowed["friction_level"]
-    assert (inner.count, inner.of) == tuple(np.sum((abs(level - 1.0) <= 0.15) & w) for w in (level < 1.0, level > 0.0))
+    assert (inner.cars, inner.of) == tuple(np.sum((abs(level - 1.0) <= 0.15) & w) for w in (level < 1.05, level > 0.0))
     assert rows["angle_hysteresis"].drivers == ()
     page, data = production_page.build(found)
     text = page.html()
     assert sentence(text).endswith("of 400 cars built with these tolerances are in every good band.")
+    assert "The nominal car itself is outside angle dead band; " in page.text()
     assert "What tells cars that fail from those that pass is friction level" in page.text()
     assert len(json.loads(json.dumps(data, allow_nan=False))["cars"]["weave.torque_at_0g"]) == 400
 

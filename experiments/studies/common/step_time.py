@@ -13,7 +13,9 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Mapping
+import tracemalloc
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from functools import partial
 from importlib.util import find_spec
@@ -177,11 +179,9 @@ def other_cases(rows: Iterable[int] = ROWS, threads: Iterable[int] = THREADS) ->
         import envpool
 
         for count in threads:
-            made = partial(envpool.make, "Pendulum-v1", env_type="gymnasium", num_threads=count)
+            made = partial(_pool, envpool, count)
             found += [
-                Case("EnvPool", "Pendulum-v1, vector", n, count, lambda n, made=made: made(num_envs=n), _pool_zeros)
-                for n in rows
-                if n > 1 or count == 1
+                Case("EnvPool", "Pendulum-v1, vector", n, count, made, _pool_zeros) for n in rows if n > 1 or count == 1
             ]
     else:
         notes.append("EnvPool is not installed")
@@ -190,18 +190,23 @@ def other_cases(rows: Iterable[int] = ROWS, threads: Iterable[int] = THREADS) ->
 
         gym.register_envs(highway_env)
         for scene in ("parking", "racetrack"):
-            env = gym.make(newest := _newest(scene))
-            space = env.action_space
-            env.close()
-            action = np.zeros(space.shape, np.float32)
-            found.append(
-                Case("highway-env", newest, 1, 1, lambda n, name=newest: gym.make(name), lambda n, a=action: a)
-            )
+            found.append(_highway(_newest(scene)))
     else:
         notes.append("highway-env is not installed")
     if not find_spec("vehiclemodels"):
         notes.append("commonroad-vehicle-models is not installed")
     return found, notes
+
+
+def _highway(name: str) -> Case:
+    """An environment of highway-env without an action."""
+    with gym.make(name) as env:
+        action = np.zeros(env.action_space.shape or (), np.float32)
+    return Case("highway-env", name, 1, 1, lambda n: gym.make(name), lambda n: action)
+
+
+def _pool(envpool: Any, threads: int, n: int) -> Any:
+    return envpool.make("Pendulum-v1", env_type="gymnasium", num_threads=threads, num_envs=n)
 
 
 def _pool_zeros(n: int) -> Any:
@@ -238,24 +243,37 @@ def _resident() -> int:
 
 
 def _memory(case: Case) -> float:
-    """Growth of the process by a row that has made some steps, beyond the first [bytes]; NaN for few rows."""
+    """What a row takes that has made a step, beyond the first [bytes]; NaN for few rows."""
     if 1 < case.rows < ROWS[-1] or (case.rows == 1 and case.what.endswith("vector")):
         return math.nan
-    count = SINGLE if case.rows == 1 else 1
+    count, single = (SINGLE, True) if case.rows == 1 else (1, False)
 
-    def made() -> Any:
-        env = case.make(case.rows)
-        run_of(env, case.action(case.rows), case.rows)()
+    def made(rows: int) -> Any:
+        env = case.make(rows)
+        env.reset()
+        env.step(case.action(rows))
         return env
 
-    kept = [case.make(1)] if case.rows > 1 else [made()]  # what all of them share
+    kept = [made(1)]  # with what all of them share
     gc.collect()
-    before = _resident()
-    kept += [made() for _ in range(count)]
-    grown = (_resident() - before) / (count * case.rows)
+    # Small pieces take memory that was freed before, so that the process does not grow by them.
+    with _traced() if single else nullcontext(_resident) as used:
+        before = used()
+        kept += [made(case.rows) for _ in range(count)]
+        grown = (used() - before) / (count * case.rows)
     for env in kept:
         env.close()
     return max(grown, 0.0)
+
+
+@contextmanager
+def _traced() -> Iterator[Callable[[], int]]:
+    """What Python and numpy have allocated since, and hold [bytes]."""
+    tracemalloc.start()
+    try:
+        yield lambda: tracemalloc.get_traced_memory()[0]
+    finally:
+        tracemalloc.stop()
 
 
 def ratios(cases: Iterable[tuple[str, str]], rounds: int = ROUNDS) -> dict[tuple[str, str], float]:
