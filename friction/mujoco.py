@@ -61,7 +61,8 @@ class JointFriction:
             import mujoco  # here, because it is an extra
         except ImportError:
             raise ValueError("friction of joints needs the package mujoco: pip install '.[mujoco]'") from None
-        self._mujoco, self._model = mujoco, model
+        self._mujoco: Any = mujoco
+        self._model = model
         if not laws:
             raise ValueError("laws must name at least one joint, got none")
         self._dofs = np.array([self._dof(name) for name in laws])
@@ -72,7 +73,7 @@ class JointFriction:
         self._steps = [bind(step, p, 1.0, m, 1.0, 0.0, 1e-3, 0.0) for p, m in zip(self.laws.values(), self._memories)]
         self._w, self._T = np.zeros((2, len(laws)))
         self._falls: tuple[float, NDArray[np.float64]] = (0.0, np.zeros(len(laws)))
-        self._scratch = mujoco.MjData(model)
+        self._scratch = self._mujoco.MjData(model)
 
     @property
     def torque(self) -> dict[str, float]:
@@ -88,7 +89,7 @@ class JointFriction:
     def step(self, data: Any) -> None:
         """Advance ``data`` by one step with friction; controls and applied forces are those that it holds.
 
-        ``qfrc_applied`` is as before afterwards.
+        Afterwards ``qfrc_applied`` is as before, so that a later ``mj_forward`` computes forces without friction.
 
         Raises
         ------
@@ -157,17 +158,15 @@ class JointFriction:
     def _integrator(self) -> Any:
         """The function of MuJoCo's integrator, which begins with the forces and ends with the new state."""
         mj, option = self._mujoco, self._model.opt
-        sleep = getattr(mj.mjtEnableBit, "mjENBL_SLEEP", 0)
-        if option.enableflags & int(sleep):
+        if option.enableflags & int(mj.mjtEnableBit.mjENBL_SLEEP):
             raise ValueError("the model's flag sleep must be disabled for friction of joints, got enabled")
-        kind = mj.mjtIntegrator(option.integrator)
         kinds = mj.mjtIntegrator
-        known = {kinds.mjINT_EULER: mj.mj_Euler} | dict.fromkeys(
-            (kinds.mjINT_IMPLICIT, kinds.mjINT_IMPLICITFAST), mj.mj_implicit
-        )
-        if kind not in known:
-            raise ValueError(f"the model's integrator must be Euler, implicit or implicitfast, got {kind.name}")
-        return known[kind]
+        kind = kinds(option.integrator)
+        if kind == kinds.mjINT_EULER:
+            return mj.mj_Euler
+        if kind in (kinds.mjINT_IMPLICIT, kinds.mjINT_IMPLICITFAST):
+            return mj.mj_implicit
+        raise ValueError(f"the model's integrator must be Euler, implicit or implicitfast, got {kind.name}")
 
     def _dof(self, name: str) -> int:
         """Index of the speed of a joint that may have friction."""
@@ -192,7 +191,7 @@ class JointFriction:
             worst = int(np.argmax(falls - A.diagonal()))
             raise ValueError(
                 f"timestep {h:g} s is too long for the law of joint {list(self.laws)[worst]!r}: its torque falls by up "
-                f"to {falls[worst]:.3g} N m s/rad, and the inertia over the step, {A[worst, worst]:.3g} N m s/rad, must "
+                f"to {falls[worst]:.3g} N m s/rad, and the inertia over the step, {A[worst, worst]:.3g}, must "
                 "be more; take a shorter step, armature, or a law with less fall"
             )
 
