@@ -37,7 +37,7 @@ class JointFriction:
     under a load that its law holds stays at rest to rounding, and friction takes from the motion at least what the law
     stores. While contacts, limits, equalities or tendon friction act, friction and constraints are computed in turn,
     ten times at most in a step and from the torque of the step before: what rests still comes to hold, to the tolerance
-    of MuJoCo's solver, but a fast motion is followed only to the first order, and no bound of the energy is stated.
+    of MuJoCo's solver, but in a fast motion an error is left, and no bound of the energy is stated.
 
     It belongs to one ``MjData``, as the memory of a law belongs to the motion.
 
