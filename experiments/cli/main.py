@@ -39,7 +39,7 @@ GROUPS = {
 PACKAGE, PROGRAM = "steer_env.experiments.cli", "steer-env"
 # Commands that last longer than ten seconds and begin anew where they were killed, and why.
 BRIEF = ("analyse", "bench", "car", "explore", "export-fmu", "fit-friction", "fit-steering", "real-time", "validate")
-UNKEPT = "There is no --resume: it usually ends within two minutes, and writes all or nothing."
+UNKEPT = "There is no --resume: it usually ends within five minutes, and writes all or nothing."
 PIPE_CLOSED = 141  # exit code of a program that SIGPIPE ends, 128 + 13
 
 
