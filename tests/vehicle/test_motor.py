@@ -112,7 +112,7 @@ def test_a_motor_that_gives_too_little_is_told():
     """Where it stands, by a warning; at 360 deg/s as a constraint, which is finite also where the curve has ended."""
     car = cars.load("compact")
     weak = {**CURVE, "motor_torques": [2.0, 2.0, 1.0, 0.5, 0.1, 0.0]}
-    with pytest.warns(cars.UnusualCar, match=r"greatest boost over the limit of the motor is 1\.289"):
+    with pytest.warns(cars.UnusualCar, match=r"greatest boost over the limit of the motor is 1\.314"):
         cars.load({"base": "compact", "assist": weak})
     ended = eps.make(motor_speeds=[0.0, 100.0], motor_torques=[3.5, 0.0])
     assert constraints.motor_share(car.assist) == car.assist.boost.max() / car.assist.limit
