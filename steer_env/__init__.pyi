@@ -15,6 +15,7 @@ from . import (
     vehicle,
 )
 from .env import SteerEnv
+from .experiments.calibration.population import population
 from .hand_torque import identify
 from .registration import REGISTERED
 from .vector import SteerVectorEnv
@@ -35,6 +36,7 @@ __all__ = [
     "live",
     "manoeuvres",
     "metrics",
+    "population",
     "recording",
     "targets",
     "tasks",

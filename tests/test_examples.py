@@ -49,6 +49,17 @@ def test_plan_by_cross_entropy():
     assert found["cross-entropy"] > found["zero action"]
 
 
+def test_joint_friction():
+    """Laws hold a constant load; one with a true stick holds an oscillating load too. MuJoCo's own friction creeps."""
+    pytest.importorskip("mujoco")
+    example = load("joint_friction")
+    found = example.main()
+    coulomb, lugre, elasto_plastic = (found[law] for law in example.LAWS)
+    assert max(coulomb[0], lugre[0], elasto_plastic[0]) < 1e-9
+    assert max(coulomb[1], elasto_plastic[1]) < 1e-9 < lugre[1]
+    assert found["frictionloss, default"][0] > 1e-3
+
+
 @pytest.fixture
 def own_laws(monkeypatch):
     """The module of the example, importable in other processes too, and forgotten afterwards."""

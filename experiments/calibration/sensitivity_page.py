@@ -61,7 +61,7 @@ def _line(row: Row, points: int) -> Line:
     return Line(label(row.name), about, [_cell(row, e) for e in row.effects or ()], note)
 
 
-def _name(parameter: str) -> str:
+def parameter_name(parameter: str) -> str:
     """A parameter in words; a key of a file or of a law as it is written there."""
     return parameter if "." in parameter else label(parameter)
 
@@ -69,7 +69,7 @@ def _name(parameter: str) -> str:
 def _columns(factors: Sequence[Range]) -> list[tuple[str, str]]:
     found = []
     for f in factors:
-        name = textwrap.fill(_name(f.name).replace(".", ". "), 9, break_long_words=False).replace(". ", ".")
+        name = textwrap.fill(parameter_name(f.name).replace(".", ". "), 9, break_long_words=False).replace(". ", ".")
         found.append((name, f"{number(f.low)} to\n{number(f.high)} {unit(f.unit)}".strip()))
     return found
 
@@ -116,20 +116,21 @@ def build(results: Results) -> tuple[Page, dict[str, Any]]:
     of = {factor.name: factor for factor in results.study.factors}
     first, *_, last = order
     moved = {row.name: [n for n, e in zip(names, row.effects or ()) if matters(row, e)] for row in banded}
-    alone = {_name(name): [m for m, by in moved.items() if by == [name]] for name in names}
+    alone = {parameter_name(name): [m for m, by in moved.items() if by == [name]] for name in names}
     refused = [row for row in results.rows if row.refused]
     of_bands = "change in % of the band's width,\nof a margin in % of its limit", "value now\n(band)"
     of_values = "change in % of the value now", "value now"
     values = {
         "r": results,
         "small": 100.0 * SMALL,
-        "parameters": list(map(_name, names)),
+        "parameters": list(map(parameter_name, names)),
         "banded": len(banded),
-        "most": {"name": _name(first), "percent": 100.0 * order[first]},
-        "least": {"name": _name(last), "percent": 100.0 * order[last]},
-        "ranking": tuning_pictures.ranking({_name(name): share for name, share in order.items()}),
+        "most": {"name": parameter_name(first), "percent": 100.0 * order[first]},
+        "least": {"name": parameter_name(last), "percent": 100.0 * order[last]},
+        "ranking": tuning_pictures.ranking({parameter_name(name): share for name, share in order.items()}),
         "ranges": [
-            (_name(name), f"{number(of[name].low)} to {number(of[name].high)}", unit(of[name].unit)) for name in order
+            (parameter_name(name), f"{number(of[name].low)} to {number(of[name].high)}", unit(of[name].unit))
+            for name in order
         ],
         "still": [row.name for row in banded if row.effects is not None and not moved[row.name]],
         "alone": {name: by for name, by in alone.items() if by},

@@ -38,8 +38,8 @@ GROUPS = {
 }
 PACKAGE, PROGRAM = "steer_env.experiments.cli", "steer-env"
 # Commands that last longer than ten seconds and begin anew where they were killed, and why.
-BRIEF = ("analyse", "car", "explore", "export-fmu", "fit-friction", "fit-steering", "real-time", "validate")
-UNKEPT = "There is no --resume: it usually ends within two minutes, and writes all or nothing."
+BRIEF = ("analyse", "bench", "car", "explore", "export-fmu", "fit-friction", "fit-steering", "real-time", "validate")
+UNKEPT = "There is no --resume: it usually ends within five minutes, and writes all or nothing."
 PIPE_CLOSED = 141  # exit code of a program that SIGPIPE ends, 128 + 13
 
 
@@ -104,8 +104,7 @@ def parser(package: str = PACKAGE, prog: str = PROGRAM) -> argparse.ArgumentPars
     made = _Parser(
         prog=prog,
         usage=f"{prog} COMMAND [OPTION ...]",
-        description="Simulate, evaluate and report steering feel with a selectable friction law.\n"
-        f"'{prog} COMMAND --help' tells the options of a command.",
+        description=f"Simulate and report steering feel. '{prog} COMMAND --help' tells the options of a command.",
         epilog=_grouped(there),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

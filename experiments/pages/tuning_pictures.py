@@ -1,4 +1,4 @@
-"""Pictures of a tuning as SVG text. What they show is handed over; nothing is computed here."""
+"""Pictures of calibration as SVG text. What they show is handed over; nothing is computed here."""
 
 from collections.abc import Collection, Mapping, Sequence
 from itertools import combinations
@@ -131,6 +131,53 @@ def bands(rows: Mapping[str, Mapping[str, tuple[float, float]]], never: Collecti
     axes.grid(visible=False, axis="y")
     axes.invert_yaxis()
     figure.legend(loc="outside upper center", ncols=2)
+    return figure
+
+
+@styled
+def shares(rows: Mapping[str, tuple[float, float, float]]) -> Figure:
+    """Shares with the ends of their intervals as bars, a row for each (share, low, high) [1]."""
+    figure = new_figure(5.0, 0.28 * len(rows) + 0.9)
+    axes = figure.subplots()
+    value, low, high = 100.0 * np.array(list(rows.values())).T
+    reach = np.maximum([value - low, high - value], 0.0)
+    axes.barh(list(rows), value, color=PALETTE[0], xerr=reach, error_kw={"elinewidth": 1.2, "capsize": 2.5})
+    axes.set(xlabel="cars in the good band [%]", xlim=(0.0, 101.0))
+    axes.grid(visible=False, axis="y")
+    axes.invert_yaxis()
+    return figure
+
+
+class Spread(NamedTuple):
+    """A metric of many cars beside its bands, all from 0 at the lower end of the good band to 1 at the upper [1]."""
+
+    places: Array  # (n,) of the cars [1]
+    nominal: float  # of the nominal car [1]
+    fair: tuple[float, float]  # ends of the fair band [1]
+
+
+@styled
+def distributions(rows: Mapping[str, Spread]) -> Figure:
+    """Histograms of metrics beside their bands, a row for each; what lies beyond the axis is in the outermost bin."""
+    low, high, bins = -0.75, 1.75, 75
+    figure = new_figure(9.0, 0.36 * len(rows) + 0.8)
+    axes = figure.subplots()
+    edges = np.linspace(low, high, bins + 1)
+    axes.axvspan(0.0, 1.0, color=_GOOD, zorder=0, label="good band")
+    for k, row in enumerate(rows.values()):
+        ends = np.clip(row.fair, low, high)
+        for side, end in enumerate(ends):
+            axes.plot([end, end], [k - 0.8, k], color=_SHADE, linewidth=0.9, label="" if k or side else "fair band")
+        counts, _ = np.histogram(np.clip(row.places, low, high), edges)
+        top = k - 0.8 * counts / max(counts.max(), 1)
+        axes.stairs(top, edges, baseline=k, fill=True, color=PALETTE[0], alpha=0.75, label="" if k else "cars")
+        if low <= row.nominal <= high:
+            axes.plot(row.nominal, k, "^", color="black", markersize=4.5, label="" if k else "nominal car")
+    axes.set(yticks=range(len(rows)), yticklabels=list(rows), xlim=(low, high), ylim=(len(rows) - 0.75, -0.95))
+    axes.set(xticks=(0.0, 1.0), xticklabels=("lower", "upper"), xlabel="end of the good band")
+    axes.grid(visible=False)
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(*zip(*((h, la) for h, la in zip(handles, labels) if la)), loc="outside upper center", ncols=4)
     return figure
 
 

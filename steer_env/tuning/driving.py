@@ -1,5 +1,6 @@
 """A parameter set driven through the tests of a scenario: the metrics of them all, and the margins of the loop."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -27,7 +28,7 @@ class PreparedDrive(NamedTuple):
     drive: Drive  # with the context's speed and chassis
     car: Car  # with its load
     plant: Plant  # with the car's own assist
-    course: OpenLoop  # with which the car's own assist reaches the test's lateral acceleration
+    course: OpenLoop | None  # with which the car's own assist reaches the test's lateral acceleration; None of a driver
 
 
 class Tried(NamedTuple):
@@ -37,10 +38,10 @@ class Tried(NamedTuple):
     margins: Margins  # the smallest ones over the speeds of the tests
 
 
-def adapted(scenario: Scenario, chassis: str, drawn: Conditions) -> list[Drive]:
-    """The scenario's drives with the chassis, and those at the context's speed with that speed."""
+def adapted(given: Iterable[Drive], chassis: str, drawn: Conditions) -> list[Drive]:
+    """Drives with the chassis, and those at the context's speed with that speed."""
     drives = []
-    for drive in scenario.drives:
+    for drive in given:
         m = drive.manoeuvre
         if m.chassis == "single_track":  # otherwise the test needs two tracks
             m = replace(m, chassis=chassis)
@@ -61,22 +62,25 @@ def prepare(scenario: Scenario, car: Car, chassis: str, drawn: Conditions) -> tu
     ValueError
         The car does not reach the lateral acceleration of a test.
     """
-    loaded, prepared = car.loaded(drawn.load), []
-    for drive in adapted(scenario, chassis, drawn):
-        m = drive.manoeuvre
-        p = build_plant(loaded, m, drawn.friction, drawn.road_friction)
-        p = with_level(p, drawn)
-        prepared.append(PreparedDrive(drive, loaded, p, open_loop(p, m)))
-    return tuple(prepared)
+    loaded = car.loaded(drawn.load)
+    return tuple(prepared(drive, loaded, drawn) for drive in adapted(scenario.drives, chassis, drawn))
+
+
+def prepared(drive: Drive, loaded: Car, drawn: Conditions) -> PreparedDrive:
+    """A drive in a context, with the car that has its load; ValueError as of :func:`prepare`."""
+    m = drive.manoeuvre
+    p = with_level(build_plant(loaded, m, drawn.friction, drawn.road_friction), drawn)
+    return PreparedDrive(drive, loaded, p, None if m.driver else open_loop(p, m))
 
 
 def tried(drives: tuple[PreparedDrive, ...], assist: Assist) -> Tried:
     """Drive an assist through the tests; the result does not depend on the number of processors."""
     with one_blas_thread():
-        return Tried(evaluate(drives, assist), _margins(drives, assist))
+        return Tried(evaluate(drives, assist), margins(drives, assist))
 
 
-def _margins(drives: tuple[PreparedDrive, ...], assist: Assist) -> Margins:
+def margins(drives: tuple[PreparedDrive, ...], assist: Assist) -> Margins:
+    """The smallest margins of an assist over the speeds of drives."""
     speeds = {each.drive.manoeuvre.speed for each in drives}
     passed = transmissions(drives[0].plant.friction)
     every = [worst_margins(drives[0].car.column, assist, speed, passed) for speed in sorted(speeds)]
@@ -93,12 +97,14 @@ def known(drives: tuple[PreparedDrive, ...], car: Car, chassis: str, drawn: Cond
 def evaluate(drives: tuple[PreparedDrive, ...], assist: Assist) -> dict[str, Value]:
     """Every metric of the drives with an assist, without intervals."""
     found: dict[str, Value] = {}
-    for drive, car, p, prepared in drives:
+    for drive, car, p, course in drives:
         tuned = p._replace(assist=assist)
-        if layout.size_of(tuned) != prepared.straight.size:  # functions that the car's own assist does not have
-            prepared = prepared._replace(straight=plant.initial_state(tuned))
+        if (
+            course and layout.size_of(tuned) != course.straight.size
+        ):  # functions that the car's own assist does not have
+            course = course._replace(straight=plant.initial_state(tuned))
         try:
-            recording = drive_plant(car, tuned, drive.manoeuvre, prepared)
+            recording = drive_plant(car, tuned, drive.manoeuvre, course)
         except ValueError as error:
             names = metrics.available(drive.manoeuvre.name)
             found |= {n: Value(np.nan, np.nan, np.nan, metrics.definition(n).unit, str(error)) for n in names}

@@ -209,7 +209,7 @@ class TuneEnv(PlainSpecification, gym.Env):
         self.scenario = replace(type(self).scenario, parameters=own.pop("_parameters"))
         self.__dict__.update(own)
         if self._drawn is not None:
-            drives = driving.adapted(self.scenario, self.chassis, self._drawn[0])
+            drives = driving.adapted(self.scenario.drives, self.chassis, self._drawn[0])
             self._drives = tuple(
                 driving.PreparedDrive(drive, car, frozen(p), course)
                 for drive, (car, p, course) in zip(drives, state["_drives"])
@@ -270,7 +270,7 @@ class TuneEnv(PlainSpecification, gym.Env):
             if key not in DRAWN:
                 raise ValueError(f"unknown reset option {key!r}; {self.scenario.name} takes: {', '.join(DRAWN)}")
         drawn = self._randomise.draw(self.np_random, options)
-        speeds = {each.manoeuvre.speed for each in driving.adapted(self.scenario, self.chassis, drawn)}
+        speeds = {each.manoeuvre.speed for each in driving.adapted(self.scenario.drives, self.chassis, drawn)}
         names = self.scenario.parameters
         self._next = start.drawn(self.np_random, self.car, drawn.friction, names, sorted(speeds), self.detuning)
         return drawn

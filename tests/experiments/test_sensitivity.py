@@ -10,7 +10,7 @@ import pytest
 
 from steer_env import friction, targets
 from steer_env.experiments.calibration import screening, sensitivity, sensitivity_page
-from steer_env.experiments.calibration.sensitivity import SCENARIO, Block, Outputs, Study
+from steer_env.experiments.calibration.variation import Block, Outputs, Study
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.sweep import Where, run
 from steer_env.vehicle import cars
@@ -71,8 +71,9 @@ def test_a_linear_function_gives_its_coefficients(method, n, close):
 
 def linear(block: Block) -> list[Outputs]:
     """Metrics that are the logarithm of the first parameter, and the second."""
-    names = (*SCENARIO.metrics, *sensitivity.OF_LOOP)
-    return [Outputs({name: math.log(a) if name == "torque_at_0g" else b for name in names}, {}) for a, b in block.rows]
+    names = block.study.outputs
+    first = "weave", "torque_at_0g"
+    return [Outputs({name: math.log(a) if name == first else b for name in names}, {}) for a, b in block.rows]
 
 
 def test_the_whole_path_gives_the_changes_of_a_linear_function(car, monkeypatch):
@@ -101,7 +102,7 @@ def test_small_ranges_give_the_finite_differences_at_the_centre(car):
         ends = [tuple(end if k == i else x for k, x in enumerate(middle)) for end in (factor.low, top)]
         low, above = sensitivity.evaluate(Block(posed, tuple(ends), "ends"))
         for name in ("torque_at_0p1g", "steady_step_torque", "handwheel_torque_mean", "free_damping_ratio"):
-            change = above.values[name] - low.values[name]
+            change = above.values[rows[name].test, name] - low.values[rows[name].test, name]
             largest = max(abs(e.mean) for e in rows[name].effects)
             assert rows[name].effects[i].mean == pytest.approx(change, rel=0.02, abs=0.01 * largest), (
                 factor.name,
@@ -114,11 +115,12 @@ def test_what_is_refused_is_told_and_the_rest_is_kept(car, tmp_path):
     posed = study(car, ("boost_level=0.9:3.0", "friction.F_c=0.5:0.95"))
     block = Block(posed, ((3.0, 0.9), (1.0, 0.95), (1.0, 0.9)), "three")
     unstable, forbidden, fine = sensitivity.evaluate(block)
-    assert "the assist loop is unstable" in unstable.refused["handwheel_torque_peak"]
-    assert math.isfinite(unstable.values["torque_at_0p1g"])
-    assert "F_s must be at least F_c" in forbidden.refused["torque_at_0p1g"]
+    torque, peak = ("weave", "torque_at_0p1g"), ("parking", "handwheel_torque_peak")
+    assert "the assist loop is unstable" in unstable.refused[peak]
+    assert math.isfinite(unstable.values[torque])
+    assert "F_s must be at least F_c" in forbidden.refused[torque]
     assert set(forbidden.values) == set(fine.values)
-    assert not any(name in fine.refused for name in ("torque_at_0p1g", "handwheel_torque_peak"))
+    assert not any(name in fine.refused for name in (torque, peak))
     with pytest.raises(ValueError, match=r"every output is refused at most parameter sets: F_s .*; narrow the ranges"):
         sensitivity.collect(
             study(car, ("boost_level", "friction.F_c=1:2")),
@@ -227,6 +229,7 @@ def test_cluster_gives_the_same_to_the_bit(car):
         (["--also", "load=0:900"], r"load=0:900: it may go from 0 to 500 \[kg\]"),
         (["--also", "steering.friction_asymmetry"], "is 0: give its range"),
         (["--also", "assist.torques"], "has no number 'assist.torques'"),
+        (["--manoeuvre", "weave"], "--manoeuvre has no effect with --method morris"),
         (["--span", "0"], "--span must be finite and greater than 0"),
         (["--samples", "3"], "--samples must be at least 4, got 3"),
         (["--method", "sobol", "--samples", "48"], "a power of two with --method sobol, as 32 or 64, got 48"),

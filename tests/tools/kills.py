@@ -44,6 +44,7 @@ COMMANDS = {
     "sensitivity": Command(
         (*STEER_ENV, "sensitivity", "--parameters", "column.K_tb", "load", "--samples", "4", *WORKERS)
     ),
+    "production": Command((*STEER_ENV, "sensitivity", "--method", "production", "--samples", "40", *WORKERS)),
     "study": Command((*STEER_ENV, "study", "loop-width", *WORKERS), out=False),
     "evaluate": Command((*STEER_ENV, "policy", "evaluate", POLICY, "--episodes", "4", *WORKERS)),
     "train": Command(

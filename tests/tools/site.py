@@ -29,6 +29,7 @@ DOORS = {
         "docs/friction_measurement.md",
         "docs/road_drive.md",
         "docs/own_friction_law.md",
+        "docs/robot_joints.md",
         "docs/report.md",
         "docs/real_time.md",
     ),

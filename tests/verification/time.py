@@ -4,8 +4,8 @@ import tempfile
 from collections.abc import Iterator
 
 from steer_env import tasks
+from steer_env.experiments.studies.common import step_time
 from steer_env.registration import DRIVEN, id_of
-from tests.verification.common import step_time
 from tests.verification.common.rows import Row, verdict
 
 # Limits of 1 ms of the plant over the friction law alone, twice what an idle machine shows and more. Kernels that are
@@ -26,9 +26,9 @@ def rows() -> Iterator[Row]:
         yield _time(f"1 ms on {chassis}", 1e9 * times[chassis], 700.0, "ns")
     with tempfile.TemporaryDirectory() as cache:
         for what, most in (("compiled", 15.0), ("from the cache", 2.0)):
-            yield _time(f"first step, {what}", step_time.first_step("steer_env/AssistWeave-v3", cache), most, "s")
+            yield _time(f"first step, {what}", step_time.first_step(WEAVE, cache), most, "s")
     with tempfile.TemporaryDirectory() as cache:
-        seconds = step_time.first_step("steer_env/AssistWeave-v3", cache, "two_track")
+        seconds = step_time.first_step(WEAVE, cache, chassis="two_track")
         yield Row("first step on two tracks, compiled", f"{seconds:.1f} s", "no limit", "")
 
 

@@ -138,7 +138,7 @@ def in_turns(
     for block in blocks.values():
         block.run()
     start = clocks.wall()
-    with _no_garbage_collection():
+    with no_garbage_collection():
         for i in range(ROUNDS):
             for name in list(blocks)[:: -1 if i % 2 else 1]:
                 before = clocks.wall()
@@ -278,7 +278,8 @@ def _timed(run: Callable[[], Any], clock: Callable[[], int]) -> int:
 
 
 @contextmanager
-def _no_garbage_collection() -> Iterator[None]:
+def no_garbage_collection() -> Iterator[None]:
+    """A context in which nothing is collected, as that would fall on whatever runs just then."""
     gc.disable()
     try:
         yield

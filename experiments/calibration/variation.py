@@ -1,0 +1,218 @@
+"""A car with other values of its parameters, driven through tests: what sensitivity and populations share.
+
+Parameters are named as in :func:`quantity`. All functions and their arguments can be pickled, so that any worker drives
+any car.
+"""
+
+import math
+import warnings
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from steer_env import friction, metrics
+from steer_env.episode.randomise import LIMITS, Conditions, undrawn
+from steer_env.experiments.calibration import problem
+from steer_env.experiments.calibration.problem import Range
+from steer_env.friction import gear
+from steer_env.friction.law import LAWS
+from steer_env.friction.sites import Sites, with_defaults
+from steer_env.metrics import definition
+from steer_env.tuning import driving, parameters, reward
+from steer_env.tuning.env import SPEED
+from steer_env.tuning.parameters import KNOWN
+from steer_env.tuning.scenarios.common.definition import SPEEDS, Drive, drive
+from steer_env.tuning.scenarios.tune_all_round import SCENARIO
+from steer_env.vehicle import cars
+from steer_env.vehicle.cars import Car, UnusualCar
+from steer_env.vehicle.keys import declared_keys
+from steer_env.vehicle.steering.eps import Assist
+from steer_env.vehicle.steering.margins import TARGETS as MARGINS
+
+FRICTION = "friction."  # begins the name of a parameter of the law
+# Conditions with their usual value, limits and unit.
+CONDITIONS = {
+    "load": (0.0, LIMITS["load"], "kg"),
+    "road_friction": (1.0, LIMITS["road_friction"], "1"),
+    "friction_level": (1.0, LIMITS["friction_level"], "1"),
+    "speed": (SPEED, SPEEDS, "m/s"),
+}
+ENOUGH = 100.0  # in place of an infinite gain margin [dB]
+# Margins of the assist loop, hands fixed, as outputs beside the metrics: unit and least value.
+OF_LOOP = {"phase_margin": ("deg", MARGINS[0]), "gain_margin": ("dB", MARGINS[1])}
+Output = tuple[str, str]  # test and metric; "" and the name of a margin of the loop
+
+
+class Quantity(NamedTuple):
+    """A parameter of a car with its friction law, or a condition."""
+
+    unit: str
+    own: float  # of the car as it is [unit]
+    limits: tuple[float, float]  # [unit]
+
+
+class Study(NamedTuple):
+    """All that the outputs depend on but the values of the parameters."""
+
+    car: Car
+    law: Any  # parameters; of sites as they were given, so that what was left out follows what is varied
+    chassis: str  # of tests that do not need two tracks
+    factors: tuple[Range, ...]
+    tests: tuple[str, ...] = SCENARIO.tests
+    own_hands: bool = False  # whether parameters of the assist, too, change the motion of the hands for a test
+
+    @property
+    def outputs(self) -> tuple[Output, ...]:
+        """Every output, test by test."""
+        of_tests = ((test, name) for test in self.tests for name in metrics.available(test))
+        return (*of_tests, *(("", name) for name in OF_LOOP))
+
+
+class Block(NamedTuple):
+    """A case of the sweep: parameter sets that are driven one after another."""
+
+    study: Study
+    rows: tuple[tuple[float, ...], ...]  # values of the factors [their units]
+    label: str
+
+
+class Outputs(NamedTuple):
+    """What a parameter set gives."""
+
+    values: dict[Output, float]  # in the unit of the output; NaN where it is refused
+    refused: dict[Output, str]  # reasons
+
+
+def unit_of(output: Output) -> str:
+    """The unit of a metric or a margin."""
+    test, name = output
+    return definition(name).unit if test else OF_LOOP[name][0]
+
+
+def quantity(car: Car, law: Any, name: str, what: str = "--parameters") -> Quantity:
+    """A parameter by name; ValueError, which begins with ``what``, for one that is not there.
+
+    Names are those of the assist (``steer_env.tuning.parameters``), ``load``, ``friction_level``, ``road_friction`` and
+    ``speed``, ``friction.KEY`` of the law or ``friction.SITE.KEY`` of sites, and ``SECTION.KEY`` of a car file with a
+    number.
+    """
+    if name in KNOWN:
+        p = KNOWN[name]
+        return Quantity(p.unit, p.value(car.assist, 0.0), problem.ranges_of(car.assist, [name])[0].limits)
+    if name in CONDITIONS:
+        own, limits, unit = CONDITIONS[name]
+        return Quantity(unit, own, limits)
+    section, _, key = name.partition(".")
+    found: Any = car.data().get(section)
+    if section == "friction":
+        found, key = _of_friction(law, name)
+    value = found.get(key) if isinstance(found, dict) else None
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        kinds = f"{', '.join(KNOWN)}, {', '.join(CONDITIONS)}, friction.KEY or friction.SITE.KEY, or SECTION.KEY "
+        kinds += "of a car file with a number"
+        raise ValueError(f"{what} has no number {name!r}; there are {kinds}")
+    if section != "friction":
+        about = declared_keys()[section][key]
+        return Quantity(about.unit, float(value), (about.low, about.high))
+    limits = (gear.LEAST_EFFICIENCY, 1.0) if key == "efficiency" else (-math.inf, math.inf)
+    return Quantity(LAWS[found["law"]].units.get(key, "SI"), float(value), limits)
+
+
+def _of_friction(law: Any, name: str) -> tuple[dict[str, Any], str]:
+    """The law, of sites that of the site, of which a name that begins with ``FRICTION`` is a parameter, and its key."""
+    p, key = friction.resolve(law), name.removeprefix(FRICTION)
+    if not isinstance(p, Sites):
+        return friction.as_mapping(p), key
+    site, _, key = key.partition(".")
+    return with_defaults(law).get(site, {}), key
+
+
+def changed(study: Study, values: Mapping[str, float]) -> tuple[Car, Conditions]:
+    """The car and the conditions that values of parameters make, with the assist of the car as it is.
+
+    Raises
+    ------
+    ValueError
+        The car or the law does not allow them.
+    """
+    conditions: dict[str, Any] = {name: values.get(name, own) for name, (own, *_) in CONDITIONS.items()}
+    law = {key.removeprefix(FRICTION): x for key, x in values.items() if key.startswith(FRICTION)}
+    known = (*KNOWN, *CONDITIONS)
+    changes = {key: x for key, x in values.items() if key not in known and not key.startswith(FRICTION)}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UnusualCar)  # told when the car was read; the others are meant to be so
+        car = cars.load(study.car.data(), changes=changes) if changes else study.car
+    resolved = friction.varied(study.law, law) if law else friction.resolve(study.law)
+    return car, undrawn(car, resolved, conditions["speed"])._replace(**conditions)
+
+
+def assist_of(car: Car, values: Mapping[str, float]) -> Assist:
+    """The assist of a car with values of its parameters; the others stay its own."""
+    named = parameters.reported(tuple(values))
+    return parameters.tuned(car.assist, {name: values.get(name, KNOWN[name].value(car.assist, 0.0)) for name in named})
+
+
+def drives_of(tests: tuple[str, ...]) -> tuple[Drive, ...]:
+    """The tests as the tuning environments drive them; those that they do not drive as the battery does."""
+    shortened = {each.manoeuvre.name: each for each in SCENARIO.drives}
+    return tuple(shortened.get(test) or drive(test) for test in tests)
+
+
+class _Prepared(NamedTuple):
+    """A plant in the tests, with the motion of the hands."""
+
+    car: Car
+    drives: tuple[driving.PreparedDrive, ...]
+    undriven: dict[str, str]  # test -> why it cannot be driven
+
+
+def evaluate(block: Block) -> list[Outputs]:
+    """Metrics and margins of the parameter sets of a block; the hands' motion is found for each plant.
+
+    A set that the car or the law does not allow has all its outputs refused; of a test that cannot be driven, those of
+    the test.
+    """
+    study, found = block.study, list[Outputs]()
+    names = [factor.name for factor in study.factors]
+    of_plant = [i for i, name in enumerate(names) if study.own_hands or name not in KNOWN]
+    last: tuple[list[float], _Prepared] | None = None
+    for row in block.rows:
+        values, plant = dict(zip(names, row)), [row[i] for i in of_plant]
+        try:
+            if last is None or last[0] != plant:
+                last = plant, _prepared(study, values)
+            found.append(_outputs(study, last[1], values))
+        except ValueError as error:
+            found.append(Outputs(dict.fromkeys(study.outputs, math.nan), dict.fromkeys(study.outputs, str(error))))
+    return found
+
+
+def _prepared(study: Study, values: Mapping[str, float]) -> _Prepared:
+    car, drawn = changed(study, values)
+    if study.own_hands:
+        car = car._replace(assist=assist_of(car, values))
+    car = car.loaded(drawn.load)
+    prepared, undriven = list[driving.PreparedDrive](), dict[str, str]()
+    for each in driving.adapted(drives_of(study.tests), study.chassis, drawn):
+        try:
+            prepared.append(driving.prepared(each, car, drawn))
+        except ValueError as error:
+            undriven[each.manoeuvre.name] = str(error)
+    if not prepared:
+        raise ValueError(next(iter(undriven.values())))
+    return _Prepared(car, tuple(prepared), undriven)
+
+
+def _outputs(study: Study, plant: _Prepared, values: Mapping[str, float]) -> Outputs:
+    assist = plant.car.assist if study.own_hands else assist_of(plant.car, values)
+    refused = {(test, name): why for test, why in plant.undriven.items() for name in metrics.available(test)}
+    found: dict[Output, float] = dict.fromkeys(refused, math.nan)
+    for each in plant.drives:
+        test = each.drive.manoeuvre.name
+        for name, metric in driving.evaluate((each,), assist).items():
+            found[test, name] = math.nan if metric.reason else float(metric.value)
+            if metric.reason:
+                refused[test, name] = metric.reason
+    margins = driving.margins(plant.drives, assist)
+    phase, gain = math.degrees(margins.phase), min(reward.decibels(margins.gain), ENOUGH)
+    of_loop = (min(phase, 180.0), gain) if margins.stable else (0.0, 0.0)
+    return Outputs(found | dict(zip((("", name) for name in OF_LOOP), of_loop)), refused)

@@ -1,0 +1,420 @@
+"""Time and memory of steps: environments of this project beside others, and the plant beside its friction law.
+
+Every run is of about a millisecond and returns the time of a step by the clock on the wall, without that of resets.
+Runs take turns in rounds, every second one in the reverse order; a ratio is that of two runs of one round, so that what
+slows the machine for longer than a round slows both, and what is told is the median over the rounds.
+
+``steer-env bench`` prints them.
+"""
+
+import gc
+import math
+import os
+import subprocess
+import sys
+import time
+import tracemalloc
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
+from dataclasses import replace
+from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+import gymnasium as gym
+import numpy as np
+
+from steer_env import manoeuvres
+from steer_env.experiments.studies.common.computing_time import BLOCK, Estimate, estimate, no_garbage_collection
+from steer_env.friction import law, make
+from steer_env.friction.numerics.kernel import kernel
+from steer_env.registration import id_of
+from steer_env.vehicle import cars, plant
+from steer_env.vehicle.steering.eps import SAMPLE_TIME
+
+Key = TypeVar("Key")
+Run = Callable[[], float]  # the time of a step [s]
+
+CART = "CartPole-v1"  # of Gymnasium, over whose step ratios are
+TASK = "AssistWeave"
+CONTROL = 0.01  # control step of the environments, ten steps of the plant [s]
+ROWS, THREADS = (1, 16, 256, 4096), (1, 2)
+OWN, LAWS = "own friction", ("lugre", "masing", "coulomb")
+ROUNDS, LEAST_ROUNDS = 200, 10
+FRICTION = "friction"  # the law alone, among the plants
+# Beginning of an id -> the module that registers it.
+PROVIDERS = {"steer_env/": "steer_env", "parking": "highway_env", "racetrack": "highway_env"}
+SINGLE = 32  # environments that are made to tell the memory of one
+FIRST_STEP = (
+    "import time, gymnasium{imports}; "
+    "e = gymnasium.make({name!r}{arguments}); e.reset(seed=0); e.step(e.action_space.sample()); "
+    "print(time.process_time())"
+)
+
+
+class Case(NamedTuple):
+    """What is timed: an environment, single or vector, and how it is stepped."""
+
+    program: str
+    what: str
+    rows: int
+    threads: int
+    make: Callable[[int], Any]  # of a number of rows
+    action: Callable[[int], Any]
+
+    @property
+    def label(self) -> str:
+        """The case in words, without rows and threads."""
+        return f"{self.program}, {self.what}"
+
+
+class Time(NamedTuple):
+    """Time of a step of one row."""
+
+    case: Case
+    seconds: Estimate  # [s]
+    ratio: Estimate  # over a step of ``CART`` [1]
+    bytes_a_row: float  # memory of a row; NaN where it is not told
+
+
+class PlantTime(NamedTuple):
+    """Time of 1 ms of a plant, or of an evaluation of a right-hand side."""
+
+    name: str
+    seconds: Estimate  # [s]
+    ratio: Estimate  # over 1 ms of the car on one track [1]
+
+
+def in_turns(
+    runs: Mapping[Key, Run],
+    rounds: int = ROUNDS,
+    most: float = math.inf,
+    notify: Callable[[float], None] = lambda part: None,
+) -> dict[Key, list[float]]:
+    """Times of runs in alternating rounds [s], until ``rounds`` or, after a few of them, ``most`` seconds are over."""
+    times: dict[Key, list[float]] = {key: [] for key in runs}
+    start = time.perf_counter()
+    with no_garbage_collection():
+        for i in range(rounds):
+            for key in list(runs)[:: -1 if i % 2 else 1]:
+                times[key].append(runs[key]())
+            spent = (time.perf_counter() - start) / most
+            notify(min(max((i + 1) / rounds, spent), 1.0))
+            if i + 1 >= LEAST_ROUNDS and spent > 1.0:
+                break
+    return times
+
+
+def over(times: Mapping[Key, list[float]], base: Key) -> dict[Key, Estimate]:
+    """Ratios of the times to those of the base in the same round [1]."""
+    return {key: estimate([x / y for x, y in zip(of, times[base])]) for key, of in times.items()}
+
+
+def _steps(env: Any, action: Any, rows: int, steps: int) -> float:
+    """Time of a step of one row [s]; a single environment is reset where its episode ends, which does not count."""
+    spent, start = 0.0, time.perf_counter()
+    for _ in range(steps):
+        _, _, terminated, truncated, _ = env.step(action)
+        if rows == 1 and not hasattr(env, "num_envs") and (terminated or truncated):
+            spent += time.perf_counter() - start
+            env.reset()
+            start = time.perf_counter()
+    return (spent + time.perf_counter() - start) / (steps * rows)
+
+
+def run_of(env: Any, action: Any, rows: int) -> Run:
+    """A run of as many steps of an environment as take about a millisecond."""
+    env.reset(seed=0) if not _is_pool(env) else env.reset()
+    first = min(_steps(env, action, rows, 5) for _ in range(3))
+    return partial(_steps, env, action, rows, max(round(1e-9 * BLOCK / (first * rows)), 1))
+
+
+def _is_pool(env: Any) -> bool:
+    return type(env).__module__.startswith("envpool")
+
+
+def _zeros(n: int) -> Any:
+    return np.zeros((n, 1), np.float32) if n > 1 else np.array([0.02], np.float32)
+
+
+def cases() -> tuple[list[Case], list[str]]:
+    """All environments, and a note for each package that is not installed."""
+    others, notes = other_cases()
+    return [*others, *own_cases()], notes
+
+
+def own_cases(rows: Sequence[int] = ROWS, threads: Iterable[int] = THREADS) -> list[Case]:
+    """This project's environment: single by chassis and friction, and vector with rows and threads.
+
+    ``OWN`` is the friction of the car, which has three sites; each of ``LAWS`` is at one.
+    """
+    name, found = id_of(TASK), list[Case]()
+
+    def single(what: str, **arguments: Any) -> Case:
+        return Case("steer-env", what, 1, 1, lambda n: gym.make(name, control_dt=CONTROL, **arguments), _zeros)
+
+    def vector(what: str, n: int, count: int, **arguments: Any) -> Case:
+        made = partial(gym.make_vec, name, vectorization_mode="vector_entry_point", control_dt=CONTROL, threads=count)
+        return Case("steer-env", what, n, count, lambda rows: made(rows, **arguments), lambda n: np.zeros((n, 1), "f4"))
+
+    for chassis in cars.SPEEDS:
+        found += [single(f"{OWN}, {chassis}", chassis=chassis)]
+        found += [single(f"{friction}, {chassis}", chassis=chassis, friction=friction) for friction in LAWS]
+        found.append(single(f"{OWN}, {chassis}, no infos", chassis=chassis, info_level="none"))
+    for chassis in cars.SPEEDS:
+        for count in threads:
+            found += [
+                vector(f"{OWN}, {chassis}, vector", n, count, chassis=chassis) for n in rows if n > 1 or count == 1
+            ]
+            found.append(vector(f"{LAWS[0]}, {chassis}, vector", rows[-1], count, chassis=chassis, friction=LAWS[0]))
+    return found
+
+
+def other_cases(rows: Iterable[int] = ROWS, threads: Iterable[int] = THREADS) -> tuple[list[Case], list[str]]:
+    """Environments of others, and a note for each package that is not installed."""
+    found = [
+        Case("Gymnasium", CART, 1, 1, lambda n: gym.make(CART), lambda n: 1),
+        Case("Gymnasium", "Pendulum-v1", 1, 1, lambda n: gym.make("Pendulum-v1"), _zeros),
+    ]
+    notes = []
+    if find_spec("envpool"):
+        import envpool
+
+        for count in threads:
+            made = partial(_pool, envpool, count)
+            found += [
+                Case("EnvPool", "Pendulum-v1, vector", n, count, made, _pool_zeros) for n in rows if n > 1 or count == 1
+            ]
+    else:
+        notes.append("EnvPool is not installed")
+    if find_spec("highway_env"):
+        import highway_env
+
+        gym.register_envs(highway_env)
+        for scene in ("parking", "racetrack"):
+            found.append(_highway(_newest(scene)))
+    else:
+        notes.append("highway-env is not installed")
+    if not find_spec("vehiclemodels"):
+        notes.append("commonroad-vehicle-models is not installed")
+    return found, notes
+
+
+def _highway(name: str) -> Case:
+    """An environment of highway-env without an action."""
+    with gym.make(name) as env:
+        action = np.zeros(env.action_space.shape or (), np.float32)
+    return Case("highway-env", name, 1, 1, lambda n: gym.make(name), lambda n: action)
+
+
+def _pool(envpool: Any, threads: int, n: int) -> Any:
+    return envpool.make("Pendulum-v1", env_type="gymnasium", num_threads=threads, num_envs=n)
+
+
+def _pool_zeros(n: int) -> Any:
+    return np.zeros((n, 1), np.float32)
+
+
+def _newest(name: str) -> str:
+    """The registered id of the newest version."""
+    version = max(spec.version or 0 for spec in gym.registry.values() if spec.name == name)
+    return f"{name}-v{version}"
+
+
+def measure(given: Iterable[Case], most: float, notify: Callable[[float], None] = lambda part: None) -> list[Time]:
+    """Time cases in turns for some seconds, and tell the memory of a row of each.
+
+    One of the cases is that of ``CART``.
+    """
+    memory, runs, envs = dict[Case, float](), dict[Case, Run](), []
+    for case in given:
+        memory[case] = _memory(case)
+        envs.append(env := case.make(case.rows))
+        runs[case] = run_of(env, case.action(case.rows), case.rows)
+    times = in_turns(runs, most=most, notify=notify)
+    (base,) = (case for case in runs if case.what == CART)
+    of_base = over(times, base)
+    for env in envs:
+        env.close()
+    return [Time(case, estimate(times[case]), of_base[case], memory[case]) for case in runs]
+
+
+def _resident() -> int:
+    """Memory of this process that is in use [bytes]."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+def _memory(case: Case) -> float:
+    """What a row takes that has made a step, beyond the first [bytes]; NaN for few rows."""
+    if 1 < case.rows < ROWS[-1] or (case.rows == 1 and case.what.endswith("vector")):
+        return math.nan
+    count, single = (SINGLE, True) if case.rows == 1 else (1, False)
+
+    def made(rows: int) -> Any:
+        env = case.make(rows)
+        env.reset()
+        env.step(case.action(rows))
+        return env
+
+    kept = [made(1)]  # with what all of them share
+    gc.collect()
+    # Small pieces take memory that was freed before, so that the process does not grow by them.
+    with _traced() if single else nullcontext(_resident) as used:
+        before = used()
+        kept += [made(case.rows) for _ in range(count)]
+        grown = (used() - before) / (count * case.rows)
+    for env in kept:
+        env.close()
+    return max(grown, 0.0)
+
+
+@contextmanager
+def _traced() -> Iterator[Callable[[], int]]:
+    """What Python and numpy have allocated since, and hold [bytes]."""
+    tracemalloc.start()
+    try:
+        yield lambda: tracemalloc.get_traced_memory()[0]
+    finally:
+        tracemalloc.stop()
+
+
+def ratios(cases: Iterable[tuple[str, str]], rounds: int = ROUNDS) -> dict[tuple[str, str], float]:
+    """Time of 10 ms in driving environments over that of a step of CartPole-v1, medians over rounds.
+
+    A case is an id and an ``info_level``. All environments are those of ``gymnasium.make``, with its wrappers.
+    """
+    runs: dict[tuple[str, str], Run] = {(CART, ""): run_of(gym.make(CART), 1, 1)}
+    for name, level in cases:
+        runs[name, level] = run_of(gym.make(name, control_dt=CONTROL, info_level=level), _zeros(1), 1)
+    return {case: found.median for case, found in over(in_turns(runs, rounds), (CART, "")).items() if case[1]}
+
+
+class Start(NamedTuple):
+    """Time of a new process until the end of its first step [s]."""
+
+    name: str
+    cold: float  # with an empty cache of compiled code; NaN where nothing is compiled [s]
+    warm: float  # [s]
+
+
+def starts(given: Iterable[Case], cache: str) -> list[Start]:
+    """The first step of this project's environment, cold and warm, and of single environments of others.
+
+    ``cache`` is an empty folder.
+    """
+    names = [case.what for case in given if case.program in ("Gymnasium", "highway-env")]
+    own = id_of(TASK)
+    found = []
+    for chassis in cars.SPEEDS:
+        cold, warm = (first_step(own, cache, chassis=chassis) for _ in range(2))
+        found.append(Start(f"{own}, {chassis}", cold, warm))
+    return [*found, *(Start(name, math.nan, first_step(name, cache)) for name in names)]
+
+
+def as_json(
+    times: Iterable[Time], of_plant: Iterable[PlantTime], begun: Iterable[Start], notes: list[str]
+) -> dict[str, Any]:
+    """The numbers."""
+    return {
+        "control_step_s": CONTROL,
+        "base": CART,
+        "environments": [
+            {
+                "program": case.program,
+                "what": case.what,
+                "rows": case.rows,
+                "threads": case.threads,
+                "over_base": ratio._asdict(),
+                "seconds_a_row": seconds._asdict(),
+                "bytes_a_row": None if math.isnan(size) else size,
+            }
+            for case, seconds, ratio, size in times
+        ],
+        "plants": [
+            {"name": name, "seconds": seconds._asdict(), "over_one_track": ratio._asdict()}
+            for name, seconds, ratio in of_plant
+        ],
+        "first_step_s": {
+            name: {"cold": None if math.isnan(cold) else cold, "warm": warm} for name, cold, warm in begun
+        },
+        "notes": notes,
+    }
+
+
+def first_step(name: str, cache: str, **arguments: Any) -> float:
+    """Processor time of a new process with this cache folder until the end of its first step, with all imports [s].
+
+    On an idle machine it equals the wall time, as a single thread does all of the work.
+    """
+    environment = {**os.environ, "NUMBA_CACHE_DIR": cache}
+    given = "".join(f", {key}={value!r}" for key, value in arguments.items())
+    imports = "".join(f", {module}" for prefix, module in PROVIDERS.items() if name.startswith(prefix))
+    code = FIRST_STEP.format(name=name, arguments=given, imports=imports)
+    command = [sys.executable, "-W", "ignore", "-c", code]
+    return float(subprocess.run(command, env=environment, check=True, capture_output=True, text=True).stdout)
+
+
+@kernel
+def _friction_alone(p, memory, w, steps):
+    """LuGre's step equation in a loop, with the torques of the column in a weave."""
+    for i in range(steps):
+        w, _ = law.step(p, 1.0, memory, 100.0, 20.0 * math.sin(1e-3 * i), 1e-3, w)
+    return w
+
+
+def plants(n: int = 2000) -> dict[str, Run]:
+    """Runs of a 1 ms step of LuGre alone and of the plant with it at one site, in a weave at 100 km/h on one core."""
+    p = make("lugre")
+    memory = np.zeros(law.law_of(p).memory_size(p))
+    loops: dict[str, Callable[[], Any]] = {FRICTION: lambda: _friction_alone(p, memory, 0.0, n)}
+    weave = manoeuvres.make("weave")
+    u = manoeuvres.inputs(weave, 0.26, n * SAMPLE_TIME)
+    for chassis in cars.SPEEDS:
+        whole = manoeuvres.build_plant(cars.load(), replace(weave, chassis=chassis), p)
+        state, row = plant.initial_state(whole), np.zeros((1, len(plant.channels(whole))))
+        loops[chassis] = partial(plant.run, whole, state, u, row, 1)
+    return {name: partial(_timed, loop, n) for name, loop in loops.items()}
+
+
+def right_hand_sides() -> dict[str, Run]:
+    """Runs of one evaluation of CommonRoad's right-hand sides; none without its package."""
+    if not find_spec("vehiclemodels"):
+        return {}
+    from vehiclemodels.init_mb import init_mb
+    from vehiclemodels.vehicle_dynamics_mb import vehicle_dynamics_mb
+    from vehiclemodels.vehicle_dynamics_st import vehicle_dynamics_st
+    from vehiclemodels.vehicle_parameters import setup_vehicle_parameters
+
+    p, straight, u = setup_vehicle_parameters(vehicle_id=2), [0.0, 0.0, 0.01, 25.0, 0.0, 0.0, 0.0], [0.01, 0.0]
+    found: dict[str, Run] = {}
+    for name, f, x in (
+        ("single track", vehicle_dynamics_st, straight),
+        ("multi-body", vehicle_dynamics_mb, init_mb(straight, p)),
+    ):
+        n = 10
+
+        def loop(f: Any = f, x: Any = x, n: int = n) -> None:
+            for _ in range(n):
+                f(x, u, p)
+
+        found[f"CommonRoad, {name}"] = partial(_timed, loop, n)
+    return found
+
+
+def _timed(loop: Callable[[], Any], n: int) -> float:
+    start = time.perf_counter()
+    loop()
+    return (time.perf_counter() - start) / n
+
+
+def measure_plants(most: float) -> list[PlantTime]:
+    """Time the plants and CommonRoad's right-hand sides in turns for some seconds."""
+    times = in_turns({**plants(), **right_hand_sides()}, most=most)
+    ratios = over(times, "single_track")
+    return [PlantTime(name, estimate(of), ratios[name]) for name, of in times.items()]
+
+
+def substeps(rounds: int = 100) -> dict[str, float]:
+    """Time of a 1 ms step of the friction law alone and of the whole plant on each chassis, medians over rounds [s]."""
+    return {name: estimate(of).median for name, of in in_turns(plants(), rounds).items()}

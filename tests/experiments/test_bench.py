@@ -1,0 +1,90 @@
+"""The bench: runs take turns, ratios are of one round, and what is not installed is left out with a note."""
+
+import json
+import math
+
+import gymnasium as gym
+import pytest
+
+from steer_env.experiments.cli.main import main
+from steer_env.experiments.studies.common import step_time
+from steer_env.experiments.studies.common.step_time import Case, PlantTime, Start
+
+
+def test_runs_take_turns_and_a_ratio_is_of_one_round():
+    """A machine that slows from round to round changes no ratio."""
+    order = []
+
+    def run(name, factor):
+        order.append(name)
+        return factor * (1 + (len(order) - 1) // 2)
+
+    runs = {name: (lambda name=name, factor=factor: run(name, factor)) for name, factor in (("a", 2.0), ("b", 6.0))}
+    times = step_time.in_turns(runs, rounds=4)
+    assert order == ["a", "b", "b", "a"] * 2
+    assert times["a"] == [2.0, 4.0, 6.0, 8.0]
+    ratio = step_time.over(times, "a")["b"]
+    assert (ratio.median, ratio.low, ratio.high) == (3.0, 3.0, 3.0)
+
+
+def test_a_reset_does_not_count():
+    """CartPole falls after some ten steps with one action; its resets, made slow, are left out."""
+
+    class Slow(gym.Wrapper):
+        resets = 0
+
+        def reset(self, **options):
+            self.resets += 1
+            for _ in range(200):
+                self.env.reset()
+            return self.env.reset(**options)
+
+    env = Slow(gym.make(step_time.CART))
+    env.reset(seed=0)
+    times = step_time.in_turns(
+        {"slow": lambda: step_time._steps(env, 1, 1, 100), "own": step_time.run_of(gym.make(step_time.CART), 1, 1)}, 20
+    )
+    assert env.resets > 20 * 5
+    assert step_time.over(times, "own")["slow"].median < 3.0
+
+
+def test_what_is_not_installed_is_left_out(monkeypatch):
+    monkeypatch.setattr(step_time, "find_spec", lambda name: None)
+    cases, notes = step_time.cases()
+    assert {case.program for case in cases} == {"Gymnasium", "steer-env"}
+    packages = ("EnvPool", "highway-env", "commonroad-vehicle-models")
+    assert notes == [f"{name} is not installed" for name in packages]
+    assert step_time.right_hand_sides() == {}
+    of_vector = {(case.rows, case.threads) for case in cases if case.what.endswith("vector")}
+    assert of_vector == {(1, 1), *((n, count) for n in (16, 256, 4096) for count in (1, 2))}
+
+
+def test_the_command_prints_ratios_first_and_writes_them(monkeypatch, tmp_path, capsys):
+    cart = Case("Gymnasium", step_time.CART, 1, 1, lambda n: gym.make(step_time.CART), lambda n: 1)
+    known = PlantTime("single_track", *(step_time.estimate([x]) for x in (5e-7, 1.0)))
+    monkeypatch.setattr(step_time, "cases", lambda: ([cart], ["EnvPool is not installed"]))
+    monkeypatch.setattr(step_time, "measure_plants", lambda most: [known])
+    monkeypatch.setattr(step_time, "starts", lambda cases, cache: [Start("CartPole-v1", math.nan, 0.5)])
+    out = tmp_path / "bench.json"
+    assert main(["bench", "--seconds", "0.2", "--out", str(out)]) == 0
+    printed = capsys.readouterr().out
+    assert "1 [1, 1]" in printed
+    assert "EnvPool is not installed: pip install '.[bench]'" in printed
+    found = json.loads(out.read_text(encoding="utf-8"))
+    (row,) = found["environments"]
+    assert (row["what"], row["rows"], row["over_base"]["median"]) == (step_time.CART, 1, 1.0)
+    assert row["seconds_a_row"]["median"] > 0.0
+    assert found["first_step_s"]["CartPole-v1"] == {"cold": None, "warm": 0.5}
+    assert found["plants"][0]["over_one_track"]["median"] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--seconds", "0"], "--seconds must be finite and greater than 0, got 0.0"),
+        (["--out", "nowhere/bench.json"], "--out nowhere/bench.json: there is no directory nowhere"),
+    ],
+)
+def test_bad_input(words, message, capsys):
+    assert main(["bench", *words]) == 2
+    assert message in capsys.readouterr().err

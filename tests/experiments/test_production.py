@@ -1,0 +1,181 @@
+"""Populations and production: rows by seed and number alone, shares by closed forms, the page, bad input."""
+
+import json
+import math
+import re
+from functools import partial
+
+import numpy as np
+import pytest
+
+import steer_env
+from steer_env import manoeuvres, metrics, targets
+from steer_env.experiments.calibration import population, production, production_page
+from steer_env.experiments.calibration.variation import Outputs
+from steer_env.experiments.cli.main import main
+from steer_env.vehicle import cars
+from tests.experiments.first_screen import sentence
+
+RANGES = {"column.K_tb": 0.1, "friction_level": (0.7, 1.3), "boost_level": 0.05}
+
+
+def fake(block):
+    """The torque at 0 g rises with the friction; another metric is refused of some cars; the rest is in its band."""
+    bands = targets.load("compact").bands["weave"]
+    found = []
+    for row in block.rows:
+        values = dict.fromkeys(block.study.outputs, 90.0)
+        values |= {("weave", name): 0.5 * sum(band.good) for name, band in bands.items()}
+        values["weave", "torque_at_0g"] = 2.0 * row[1] - 0.1 + 1e-9 * (row[0] + row[2])
+        values["weave", "angle_deadband"] = 0.0
+        refused = {("weave", "yaw_lag"): "no crossing"} if row[1] < 0.8 else {}
+        found.append(Outputs(values | dict.fromkeys(refused, math.nan), refused))
+    return found
+
+
+@pytest.fixture
+def faked(monkeypatch):
+    for module in (population, production):
+        monkeypatch.setattr(module, "evaluate", fake)
+
+
+def study(ranges=RANGES, tests=("weave",)):
+    return population.study_of(cars.load(), "lugre", "single_track", ranges, tests)
+
+
+@pytest.mark.parametrize("distribution", population.DISTRIBUTIONS)
+def test_a_row_depends_on_the_seed_and_its_number_alone(faked, distribution):
+    drawn = partial(population.collect, seed=4, distribution=distribution)
+    few, many = drawn(study(), 3), drawn(study(), population.BLOCK + 3)
+    others = drawn(study({"load": (0.0, 75.0), **dict(reversed(RANGES.items())), "column.I1": 0.1}), 3)
+    for name in RANGES:
+        assert few.parameters[name].tolist() == many.parameters[name][:3].tolist()
+        assert few.parameters[name].tolist() == others.parameters[name].tolist()
+    assert few.outputs["weave.torque_at_0g"].tolist() == many.outputs["weave.torque_at_0g"][:3].tolist()
+    assert len({*many.parameters["column.K_tb"]}) == population.BLOCK + 3
+    assert (
+        few.parameters["column.K_tb"].tolist() != population.collect(study(), 3, 5).parameters["column.K_tb"].tolist()
+    )
+
+
+def test_draws_have_their_distribution():
+    """A uniform one has the standard deviation width / sqrt(12); a normal one a sixth of the width, cut at its ends."""
+    factors = study().factors
+    low, high = factors[1].low, factors[1].high
+    of = {
+        kind: np.array([population.drawn(factors, 0, k, kind)[1] for k in range(2000)])
+        for kind in ("uniform", "normal")
+    }
+    assert all(low <= x.min() and x.max() <= high for x in of.values())
+    assert np.std(of["uniform"]) == pytest.approx((high - low) / math.sqrt(12.0), rel=0.04)
+    cut = math.sqrt(1.0 - 6.0 * math.exp(-4.5) / math.sqrt(2.0 * math.pi) / 0.9973)
+    assert np.std(of["normal"]) == pytest.approx(cut * (high - low) / 6.0, rel=0.05)
+
+
+def test_a_row_is_the_drive_of_the_car_with_its_values():
+    found = steer_env.population("compact", 1, {"column.K_tb": 0.1, "friction.sigma_0": (90.0, 110.0)}, "hold", seed=3)
+    values = {name: float(column[0]) for name, column in found.parameters.items()}
+    car = cars.load("compact", changes={"column.K_tb": values["column.K_tb"]})
+    law = steer_env.friction.varied("lugre", {"sigma_0": values["friction.sigma_0"]})
+    driven = metrics.evaluate(manoeuvres.drive(car, manoeuvres.make("hold"), law), intervals=False)
+    assert {f"hold.{name}" for name in driven} | {"phase_margin", "gain_margin"} == found.outputs.keys()
+    for name, value in driven.items():
+        assert found.outputs[f"hold.{name}"][0] == (pytest.approx(value.value, rel=1e-12, nan_ok=True))
+    assert found.units["column.K_tb"] == "N m/rad"
+
+
+@pytest.mark.whole
+def test_workers_and_a_cluster_give_the_same_to_the_bit():
+    places = ({"workers": 1}, {"workers": 2}, {"cluster": "local:1"})
+    found = [
+        steer_env.population("compact", population.BLOCK + 2, RANGES, ("weave", "double-lane-change"), **place)
+        for place in places
+    ]
+    assert repr(found[0]) == repr(found[1]) == repr(found[2])
+
+
+def test_shares_and_intervals_are_those_of_closed_forms():
+    """Clopper and Pearson's ends are powers of 0.025 where no car fails, or all do."""
+    assert production.Share(20, 20).interval == pytest.approx((0.025 ** (1 / 20), 1.0))
+    assert production.Share(0, 20).interval == pytest.approx((0.0, 1.0 - 0.025 ** (1 / 20)))
+    assert math.isnan(production.Share(0, 0).value)
+
+
+def test_the_parameter_that_decides_is_named(faked, tmp_path):
+    """Friction above 1.05 misses a band, below 0.8 a metric is refused; no car is in a third; others do nothing."""
+    found = production.collect(study(), targets.load("compact"), "lugre", 400, seed=2)
+    level = found.cars.parameters["friction_level"]
+    assert (found.total.cars, found.held.cars) == (0, np.sum((level >= 0.8) & (level < 1.05)))
+    rows = {row.name: row for row in found.judged}
+    torque, lag = rows["torque_at_0g"], rows["yaw_lag"]
+    assert (torque.below, torque.above, torque.refused) == (0, np.sum(level > 1.05), 0)
+    assert (lag.refused, lag.share.cars, lag.reason) == (np.sum(level < 0.8), np.sum(level >= 0.8), "no crossing")
+    for row, high in ((torque, True), (lag, False)):
+        first, *others = row.drivers
+        assert (first.name, first.distance, first.high, first.told) == ("friction_level", 1.0, high, True)
+        assert not any(each.told for each in others)
+    inner = found.narrowed["friction_level"]
+    assert (inner.cars, inner.of) == tuple(np.sum((abs(level - 1.0) <= 0.15) & w) for w in (level < 1.05, level > 0.0))
+    assert rows["angle_hysteresis"].drivers == ()
+    page, data = production_page.build(found)
+    text = page.html()
+    assert sentence(text).endswith("of 400 cars built with these tolerances are in every good band.")
+    assert "The nominal car itself is outside angle dead band; " in page.text()
+    assert "What tells cars that fail from those that pass is friction level" in page.text()
+    assert len(json.loads(json.dumps(data, allow_nan=False))["cars"]["weave.torque_at_0g"]) == 400
+
+
+def test_few_cars_say_that_they_are_few(faked):
+    page, data = production_page.build(production.collect(study(), targets.load("compact"), "lugre", 1))
+    assert "Too few cars fail, or pass" in page.text()
+    assert data["total"]["of"] == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--parameters", "column.K=5%"], "--parameters has no number 'column.K'; there are boost_level, "),
+        (
+            ["--parameters", "column.K_tb=-5%"],
+            "the tolerance of column.K_tb must be finite and greater than 0 and at most 1, got -0.05",
+        ),
+        (
+            ["--parameters", "column.K_tb=5"],
+            "of production takes NAME=P% or NAME=LOW:HIGH, got 'column.K_tb=5'",
+        ),
+        (["--parameters", "load=0:900"], r"load \[kg\] must be finite and at least 0 and at most 500, got 900"),
+        (["--parameters", "load=5%"], "load is 0, of which 0.05 is none"),
+        (["--parameters", "load=75:0"], r"load must be \(low, high\) with low < high"),
+        (["--parameters", "speed=20:30"], "has 'speed', which is the tests' own"),
+        (["--parameters", "column.K_tb=5%", "column.K_tb=4%"], "gives column.K_tb twice"),
+        (
+            ["--parameters", "chassis.mass=20:2000"],
+            r"chassis.mass \[kg\] must be finite and at least 100 and at most 10000, got 20",
+        ),
+        (
+            ["--parameters", "friction.F_c=0:1"],
+            "friction.F_c=0 is not allowed: .*F_c must be finite and greater than 0",
+        ),
+        (["--span", "0.5"], "--span has no effect with --method production"),
+        (["--manoeuvre", "pulse"], "targets 'compact' have no band for pulse: it has weave, "),
+    ],
+)
+def test_bad_input(words, message, tmp_path, capsys):
+    assert main(["sensitivity", "--method", "production", *words, "--out", str(tmp_path)]) == 2
+    assert re.search(message, capsys.readouterr().err)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"n": 0}, "n must be a whole number of at least 1, got 0"),
+        ({"manoeuvre": "slalom"}, "manoeuvre must be one of .*weave.*, got 'slalom'"),
+        ({"manoeuvre": ()}, "manoeuvre must be one or more of"),
+        ({"ranges": {}}, "ranges must map one or more parameters"),
+        ({"distribution": "beta"}, "distribution must be one of uniform, normal, got 'beta'"),
+        ({"seed": -1}, "seed must be a whole number of at least 0, got -1"),
+    ],
+)
+def test_bad_arguments(change, message):
+    with pytest.raises(ValueError, match=message):
+        steer_env.population(**{"car": "compact", "n": 2, "ranges": RANGES, **change})
