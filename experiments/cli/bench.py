@@ -2,7 +2,7 @@
 
 CartPole-v1 and Pendulum-v1 of Gymnasium, EnvPool's Pendulum, highway-env's parking and racetrack and CommonRoad's
 right-hand sides run in turns with this project's environments, single and vector; ratios are medians over the rounds of
-one run. What is not installed is left out with a note: pip install '.[bench]'.
+one run. What is not installed is left out with a note: pip install '.[bench]'. The page comes with bench.json.
 """
 
 import argparse
@@ -16,30 +16,30 @@ GROUP = "learn"
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     options.add(parser, "--seconds", "of the measurement of steps; at least ten rounds are measured", 60.0)
-    options.add_out(parser, "for all numbers", form="FILE.json", otherwise="none")
+    text = "1 and 4,096 rows, with the friction of the car alone, and no first steps"
+    parser.add_argument("--quick", action="store_true", help=text)
+    options.add_page(parser, "of the page, replaced as a whole", "bench")
 
 
 def run(args: argparse.Namespace) -> None:
-    """Measure, print the tables, and write the numbers where ``--out`` says."""
-    from steer_env.experiments.cli.common.tables import print_times
+    """Measure, write the page, and print its verdict."""
+    from steer_env.experiments.pages import pages as page
     from steer_env.experiments.pages import provenance
-    from steer_env.experiments.pages.files import write_json
     from steer_env.experiments.pages.options import progress
+    from steer_env.experiments.reports import bench
     from steer_env.experiments.studies.common import step_time
     from steer_env.friction.numerics.check import positive
 
     seconds = positive("--seconds", args.seconds)
-    if args.out is not None and not args.out.resolve().parent.is_dir():
-        raise ValueError(f"--out {args.out}: there is no directory {args.out.parent}")
-    cases, notes = step_time.cases()
+    page.check(args.out, bench.NAME)
+    cases, notes = step_time.cases(args.quick)
     with progress("timing") as notify:
-        found = step_time.measure(cases, 0.9 * seconds, lambda part: notify(0.7 * part, "steps"))
-        of_plant = step_time.measure_plants(0.1 * seconds)
-        notify(0.75, "first steps")
-        with tempfile.TemporaryDirectory() as cache:
-            starts = step_time.starts(cases, cache)
-    print_times(found, of_plant, starts, notes)
-    if args.out is not None:
-        numbers = step_time.as_json(found, of_plant, starts, notes)
-        write_json(args.out, {**numbers, "versions": provenance.versions()})
-        print(args.out)
+        measured = step_time.measure(cases, seconds, lambda part: notify(0.7 * part, "steps"))
+        starts = []
+        if not args.quick:
+            notify(0.7, "first steps")
+            with tempfile.TemporaryDirectory() as cache:
+                starts = step_time.starts(cases, cache)
+    found, data = bench.build(step_time.Results(*measured, starts, notes))
+    print("\n".join(found.timing))
+    print(page.write(args.out, found, data, provenance.trace(command=None, result=args.out.name)))

@@ -4,11 +4,12 @@ import json
 import math
 
 import gymnasium as gym
+import numpy as np
 import pytest
 
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.studies.common import step_time
-from steer_env.experiments.studies.common.step_time import Case, PlantTime, Start
+from steer_env.experiments.studies.common.step_time import Case, Start
 
 
 def test_runs_take_turns_and_a_ratio_is_of_one_round():
@@ -59,30 +60,40 @@ def test_what_is_not_installed_is_left_out(monkeypatch):
     assert of_vector == {(1, 1), *((n, count) for n in (16, 256, 4096) for count in (1, 2))}
 
 
-def test_the_command_prints_ratios_first_and_writes_them(monkeypatch, tmp_path, capsys):
+def test_the_page_has_ratios_first_and_its_numbers(monkeypatch, tmp_path, capsys):
     cart = Case("Gymnasium", step_time.CART, 1, 1, lambda n: gym.make(step_time.CART), lambda n: 1)
-    known = PlantTime("single_track", *(step_time.estimate([x]) for x in (5e-7, 1.0)))
-    monkeypatch.setattr(step_time, "cases", lambda: ([cart], ["EnvPool is not installed"]))
-    monkeypatch.setattr(step_time, "measure_plants", lambda most: [known])
+    own = [case for case in step_time.cases(quick=True)[0] if case.program == "steer-env" and case.rows == 1]
+    monkeypatch.setattr(step_time, "cases", lambda quick: ([cart, *own], ["EnvPool is not installed"]))
     monkeypatch.setattr(step_time, "starts", lambda cases, cache: [Start("CartPole-v1", math.nan, 0.5)])
-    out = tmp_path / "bench.json"
+    out = tmp_path / "bench"
     assert main(["bench", "--seconds", "0.2", "--out", str(out)]) == 0
-    printed = capsys.readouterr().out
-    assert "1 [1, 1]" in printed
-    assert "EnvPool is not installed: pip install '.[bench]'" in printed
-    found = json.loads(out.read_text(encoding="utf-8"))
-    (row,) = found["environments"]
+    assert "A step of AssistWeave, ten milliseconds of car, takes" in capsys.readouterr().out
+    assert "EnvPool is not installed: pip install &#39;.[bench]&#39;" in (out / "index.html").read_text(
+        encoding="utf-8"
+    )
+    found = json.loads((out / "bench.json").read_text(encoding="utf-8"))
+    row = found["environments"][0]
     assert (row["what"], row["rows"], row["over_base"]["median"]) == (step_time.CART, 1, 1.0)
     assert row["seconds_a_row"]["median"] > 0.0
     assert found["first_step_s"]["CartPole-v1"] == {"cold": None, "warm": 0.5}
-    assert found["plants"][0]["over_one_track"]["median"] == 1.0
+    assert found["plants"][1] == {**found["plants"][1], "name": "single_track"}
+    assert found["plants"][1]["over_one_track"]["median"] == 1.0
+
+
+def test_shares_are_of_one_round_and_sum_to_one():
+    """Whatever the machine does from round to round; the parts of a step of 10 ms, in time of 1 ms."""
+    slow = np.array([1.0, 3.0, 2.0])
+    step = Case("steer-env", f"{step_time.OWN}, single_track", 1, 1, lambda n: None, lambda n: 0)
+    times = {step: list(20.0 * slow), "single_track": list(1.5 * slow)}
+    times |= {f"single_track, {name}": list(0.4 * slow) for name in step_time.PARTS}
+    found = step_time._shares(times)
+    assert [each.share.median for each in found] == pytest.approx([0.2, 0.2, 0.2, 0.15, 0.25])
 
 
 @pytest.mark.parametrize(
     ("words", "message"),
     [
         (["--seconds", "0"], "--seconds must be finite and greater than 0, got 0.0"),
-        (["--out", "nowhere/bench.json"], "--out nowhere/bench.json: there is no directory nowhere"),
     ],
 )
 def test_bad_input(words, message, capsys):

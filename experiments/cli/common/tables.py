@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rich.console import Console
@@ -15,7 +15,6 @@ from steer_env.experiments.learning.held_out import Estimate
 from steer_env.experiments.reports import friction_fit, friction_fit_page, steering_fit
 from steer_env.experiments.reports.car_quantities import Quantity
 from steer_env.experiments.studies.common.battery import Difference
-from steer_env.experiments.studies.common.step_time import PlantTime, Start, Time
 from steer_env.friction import Compared
 from steer_env.hand_torque import Identified
 from steer_env.hand_torque.fit import at_ends
@@ -229,52 +228,6 @@ def print_suite(found: Sequence[Result], title: str, whole: bool) -> None:
         f"beyond the limit, and the assist is held against it; in {excused} it fails, and they are excused",
         style="bold",
     )
-
-
-def print_times(
-    times: Sequence[Time], of_plant: Sequence[PlantTime], begun: Sequence[Start], notes: Sequence[str]
-) -> None:
-    """Print how long steps take over those of CartPole, 1 ms of the plant over one track, and first steps."""
-    printer = console()
-
-    def tabled(title: str, headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-        table = _table()
-        for place, heading in enumerate(headings):
-            table.add_column(Text(heading), justify="right" if place else "left", no_wrap=True)
-        for row in rows:
-            table.add_row(*row)
-        _print(printer, table, title)
-
-    def ratio(e: Any) -> str:
-        return f"{e.median:.3g} [{e.low:.3g}, {e.high:.3g}]"
-
-    tabled(
-        "Step of a row of an environment, over a step of CartPole-v1 in the same round: median [95 %]",
-        ("environment", "rows", "threads", "over CartPole-v1", "time [µs]", "memory [kB a row]"),
-        (
-            (
-                case.label,
-                str(case.rows),
-                str(case.threads),
-                ratio(over),
-                f"{1e6 * seconds.median:.3g}",
-                "" if math.isnan(size) else f"{1e-3 * size:.3g}",
-            )
-            for case, seconds, over, size in times
-        ),
-    )
-    tabled(
-        "1 ms of this project's plants and one evaluation of CommonRoad's, over 1 ms of the car on one track",
-        ("", "over one track", "time [µs]"),
-        ((name, ratio(over), f"{1e6 * seconds.median:.3g}") for name, seconds, over in of_plant),
-    )
-    tabled(
-        "First step of a new process, with all imports, in processor time",
-        ("environment", "compiled [s]", "from the cache [s]"),
-        ((name, "" if math.isnan(cold) else f"{cold:.1f}", f"{warm:.1f}") for name, cold, warm in begun),
-    )
-    for note in notes:
-        printer.print(f"{note}: pip install '.[bench]'", highlight=False, soft_wrap=True, markup=False)
 
 
 def print_fits(found: friction_fit.Found) -> None:

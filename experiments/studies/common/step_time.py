@@ -31,6 +31,7 @@ from steer_env.friction import law, make
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.registration import id_of
 from steer_env.vehicle import cars, plant
+from steer_env.vehicle.chassis.common.interface import HAND, HAND_SPEED
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 Key = TypeVar("Key")
@@ -43,6 +44,8 @@ ROWS, THREADS = (1, 16, 256, 4096), (1, 2)
 OWN, LAWS = "own friction", ("lugre", "masing", "coulomb")
 ROUNDS, LEAST_ROUNDS = 200, 10
 FRICTION = "friction"  # the law alone, among the plants
+ONE_TRACK = "single_track"  # over whose plant others are
+AROUND = "driver, observation, reward and infos"  # what a step has around the plant
 # Beginning of an id -> the module that registers it.
 PROVIDERS = {"steer_env/": "steer_env", "parking": "highway_env", "racetrack": "highway_env"}
 SINGLE = 32  # environments that are made to tell the memory of one
@@ -84,6 +87,32 @@ class PlantTime(NamedTuple):
     name: str
     seconds: Estimate  # [s]
     ratio: Estimate  # over 1 ms of the car on one track [1]
+
+
+class Share(NamedTuple):
+    """What a part takes of a step of this project's environment on a chassis."""
+
+    chassis: str
+    name: str
+    share: Estimate  # [1]
+
+
+class Start(NamedTuple):
+    """Time of a new process until the end of its first step [s]."""
+
+    name: str
+    cold: float  # with an empty cache of compiled code; NaN where nothing is compiled [s]
+    warm: float  # [s]
+
+
+class Results(NamedTuple):
+    """All that the page shows."""
+
+    times: list[Time]
+    plants: list[PlantTime]
+    shares: list[Share]
+    starts: list[Start]
+    notes: list[str]  # what is not installed
 
 
 def in_turns(
@@ -138,13 +167,14 @@ def _zeros(n: int) -> Any:
     return np.zeros((n, 1), np.float32) if n > 1 else np.array([0.02], np.float32)
 
 
-def cases() -> tuple[list[Case], list[str]]:
-    """All environments, and a note for each package that is not installed."""
-    others, notes = other_cases()
-    return [*others, *own_cases()], notes
+def cases(quick: bool = False) -> tuple[list[Case], list[str]]:
+    """All environments, or a few of them, and a note for each package that is not installed."""
+    rows, laws = (ROWS[::3], ()) if quick else (ROWS, LAWS)
+    others, notes = other_cases(rows)
+    return [*others, *own_cases(rows, laws)], notes
 
 
-def own_cases(rows: Sequence[int] = ROWS, threads: Iterable[int] = THREADS) -> list[Case]:
+def own_cases(rows: Sequence[int], laws: Iterable[str], threads: Iterable[int] = THREADS) -> list[Case]:
     """This project's environment: single by chassis and friction, and vector with rows and threads.
 
     ``OWN`` is the friction of the car, which has three sites; each of ``LAWS`` is at one.
@@ -160,18 +190,22 @@ def own_cases(rows: Sequence[int] = ROWS, threads: Iterable[int] = THREADS) -> l
 
     for chassis in cars.SPEEDS:
         found += [single(f"{OWN}, {chassis}", chassis=chassis)]
-        found += [single(f"{friction}, {chassis}", chassis=chassis, friction=friction) for friction in LAWS]
+        found += [single(f"{friction}, {chassis}", chassis=chassis, friction=friction) for friction in laws]
         found.append(single(f"{OWN}, {chassis}, no infos", chassis=chassis, info_level="none"))
     for chassis in cars.SPEEDS:
         for count in threads:
             found += [
                 vector(f"{OWN}, {chassis}, vector", n, count, chassis=chassis) for n in rows if n > 1 or count == 1
             ]
-            found.append(vector(f"{LAWS[0]}, {chassis}, vector", rows[-1], count, chassis=chassis, friction=LAWS[0]))
+            found += [
+                vector(f"{friction}, {chassis}, vector", rows[-1], count, chassis=chassis, friction=friction)
+                for friction in laws
+                if friction == LAWS[0]
+            ]
     return found
 
 
-def other_cases(rows: Iterable[int] = ROWS, threads: Iterable[int] = THREADS) -> tuple[list[Case], list[str]]:
+def other_cases(rows: Iterable[int], threads: Iterable[int] = THREADS) -> tuple[list[Case], list[str]]:
     """Environments of others, and a note for each package that is not installed."""
     found = [
         Case("Gymnasium", CART, 1, 1, lambda n: gym.make(CART), lambda n: 1),
@@ -222,22 +256,44 @@ def _newest(name: str) -> str:
     return f"{name}-v{version}"
 
 
-def measure(given: Iterable[Case], most: float, notify: Callable[[float], None] = lambda part: None) -> list[Time]:
-    """Time cases in turns for some seconds, and tell the memory of a row of each.
+def measure(
+    given: Iterable[Case], most: float, notify: Callable[[float], None] = lambda part: None
+) -> tuple[list[Time], list[PlantTime], list[Share]]:
+    """Time cases, plants, their parts and right-hand sides in turns for some seconds; with the memory of a row.
 
     One of the cases is that of ``CART``.
     """
-    memory, runs, envs = dict[Case, float](), dict[Case, Run](), []
+    memory, runs, envs = dict[Case, float](), dict[Case | str, Run](), []
     for case in given:
         memory[case] = _memory(case)
         envs.append(env := case.make(case.rows))
         runs[case] = run_of(env, case.action(case.rows), case.rows)
-    times = in_turns(runs, most=most, notify=notify)
-    (base,) = (case for case in runs if case.what == CART)
-    of_base = over(times, base)
+    whole, alone, foreign = plants(), parts(), right_hand_sides()
+    times = in_turns({**runs, **whole, **alone, **foreign}, most=most, notify=notify)
     for env in envs:
         env.close()
-    return [Time(case, estimate(times[case]), of_base[case], memory[case]) for case in runs]
+    (base,) = (case for case in memory if case.what == CART)
+    of_base, of_plant = over(times, base), over(times, ONE_TRACK)
+    return (
+        [Time(case, estimate(times[case]), of_base[case], memory[case]) for case in memory],
+        [PlantTime(name, estimate(times[name]), of_plant[name]) for name in (*whole, *foreign)],
+        _shares(times),
+    )
+
+
+def _shares(times: Mapping[Case | str, list[float]]) -> list[Share]:
+    """What the parts of the plant, the rest of it and what is around it take of a step, by chassis."""
+    found = []
+    for chassis in cars.SPEEDS:
+        step = next((of for case, of in times.items() if getattr(case, "what", "") == f"{OWN}, {chassis}"), None)
+        if step is None:
+            continue
+        plants = CONTROL / SAMPLE_TIME * np.array(times[chassis])
+        each = {name: CONTROL / SAMPLE_TIME * np.array(times[f"{chassis}, {name}"]) for name in PARTS}
+        each["rest of the plant"] = plants - sum(each.values())
+        each[AROUND] = np.array(step) - plants
+        found += [Share(chassis, name, estimate(list(of / step))) for name, of in each.items()]
+    return found
 
 
 def _resident() -> int:
@@ -290,14 +346,6 @@ def ratios(cases: Iterable[tuple[str, str]], rounds: int = ROUNDS) -> dict[tuple
     return {case: found.median for case, found in over(in_turns(runs, rounds), (CART, "")).items() if case[1]}
 
 
-class Start(NamedTuple):
-    """Time of a new process until the end of its first step [s]."""
-
-    name: str
-    cold: float  # with an empty cache of compiled code; NaN where nothing is compiled [s]
-    warm: float  # [s]
-
-
 def starts(given: Iterable[Case], cache: str) -> list[Start]:
     """The first step of this project's environment, cold and warm, and of single environments of others.
 
@@ -312,9 +360,7 @@ def starts(given: Iterable[Case], cache: str) -> list[Start]:
     return [*found, *(Start(name, math.nan, first_step(name, cache)) for name in names)]
 
 
-def as_json(
-    times: Iterable[Time], of_plant: Iterable[PlantTime], begun: Iterable[Start], notes: list[str]
-) -> dict[str, Any]:
+def as_json(found: Results) -> dict[str, Any]:
     """The numbers."""
     return {
         "control_step_s": CONTROL,
@@ -329,16 +375,19 @@ def as_json(
                 "seconds_a_row": seconds._asdict(),
                 "bytes_a_row": None if math.isnan(size) else size,
             }
-            for case, seconds, ratio, size in times
+            for case, seconds, ratio, size in found.times
         ],
         "plants": [
             {"name": name, "seconds": seconds._asdict(), "over_one_track": ratio._asdict()}
-            for name, seconds, ratio in of_plant
+            for name, seconds, ratio in found.plants
+        ],
+        "shares_of_a_step": [
+            {"chassis": chassis, "part": name, "share": share._asdict()} for chassis, name, share in found.shares
         ],
         "first_step_s": {
-            name: {"cold": None if math.isnan(cold) else cold, "warm": warm} for name, cold, warm in begun
+            name: {"cold": None if math.isnan(cold) else cold, "warm": warm} for name, cold, warm in found.starts
         },
-        "notes": notes,
+        "notes": found.notes,
     }
 
 
@@ -363,18 +412,69 @@ def _friction_alone(p, memory, w, steps):
     return w
 
 
+@kernel
+def _steering(p, state, inputs):
+    """Assist and column with friction in a loop, under the rack force of a weave."""
+    for i in range(inputs.shape[0]):
+        u = inputs[i]
+        before, after = plant.sample(p, state, 27.8, 0.0)
+        force = 500.0 * math.sin(1e-3 * i)
+        plant.steer(p, state, u[HAND], u[HAND_SPEED], before, after, 0.0, force, SAMPLE_TIME)
+
+
+@kernel
+def _evaluation(p, state, inputs):
+    """Evaluations of the chassis in a loop, where it is."""
+    for i in range(inputs.shape[0]):
+        plant.evaluate(p, state, inputs[i])
+
+
+@kernel
+def _integration(p, state, inputs):
+    """Steps of the chassis in a loop, so short that it stays where it is."""
+    for i in range(inputs.shape[0]):
+        plant.roll(p, state, 0.5, inputs[i], 1e-12)
+
+
+# Part of 1 ms of the plant -> its loop, and how often it is evaluated in it.
+PARTS: dict[str, tuple[Callable[[Any, Any, Any], None], float]] = {
+    "assist, motor and column with friction": (_steering, 1.0),
+    "tyres, suspension and body": (_evaluation, 1.0 / plant.STEPS_PER_CHASSIS_STEP),
+    "integration of the chassis": (_integration, 1.0),
+}
+
+
 def plants(n: int = 2000) -> dict[str, Run]:
-    """Runs of a 1 ms step of LuGre alone and of the plant with it at one site, in a weave at 100 km/h on one core."""
-    p = make("lugre")
+    """Runs of 1 ms of LuGre alone, of the plant with it at one site, and of that with the friction of the car.
+
+    The plant does a weave at 100 km/h on one core.
+    """
+    p = make(LAWS[0])
     memory = np.zeros(law.law_of(p).memory_size(p))
     loops: dict[str, Callable[[], Any]] = {FRICTION: lambda: _friction_alone(p, memory, 0.0, n)}
-    weave = manoeuvres.make("weave")
-    u = manoeuvres.inputs(weave, 0.26, n * SAMPLE_TIME)
     for chassis in cars.SPEEDS:
-        whole = manoeuvres.build_plant(cars.load(), replace(weave, chassis=chassis), p)
-        state, row = plant.initial_state(whole), np.zeros((1, len(plant.channels(whole))))
-        loops[chassis] = partial(plant.run, whole, state, u, row, 1)
+        for name, given in ((chassis, None), (f"{chassis}, {LAWS[0]}", p)):
+            whole, state, u = _weave(chassis, given, n)
+            row = np.zeros((1, len(plant.channels(whole))))
+            loops[name] = partial(plant.run, whole, state, u, row, 1)
     return {name: partial(_timed, loop, n) for name, loop in loops.items()}
+
+
+def parts(n: int = 2000) -> dict[str, Run]:
+    """Runs of the parts of 1 ms of the plant, each alone, by chassis."""
+    found: dict[str, Run] = {}
+    for chassis in cars.SPEEDS:
+        for name, (loop, often) in PARTS.items():
+            whole, state, u = _weave(chassis, None, n)
+            found[f"{chassis}, {name}"] = partial(_timed, partial(loop, whole, state, u), n / often)
+    return found
+
+
+def _weave(chassis: str, friction: Any, n: int) -> tuple[plant.Plant, Any, Any]:
+    """A plant of the default car in a weave, its state and the inputs of ``n`` samples."""
+    weave = manoeuvres.make("weave")
+    whole = manoeuvres.build_plant(cars.load(), replace(weave, chassis=chassis), friction)
+    return whole, plant.initial_state(whole), manoeuvres.inputs(weave, 0.26, n * SAMPLE_TIME)
 
 
 def right_hand_sides() -> dict[str, Run]:
@@ -402,17 +502,10 @@ def right_hand_sides() -> dict[str, Run]:
     return found
 
 
-def _timed(loop: Callable[[], Any], n: int) -> float:
+def _timed(loop: Callable[[], Any], n: float) -> float:
     start = time.perf_counter()
     loop()
     return (time.perf_counter() - start) / n
-
-
-def measure_plants(most: float) -> list[PlantTime]:
-    """Time the plants and CommonRoad's right-hand sides in turns for some seconds."""
-    times = in_turns({**plants(), **right_hand_sides()}, most=most)
-    ratios = over(times, "single_track")
-    return [PlantTime(name, estimate(of), ratios[name]) for name, of in times.items()]
 
 
 def substeps(rounds: int = 100) -> dict[str, float]:
