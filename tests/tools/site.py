@@ -1,12 +1,16 @@
 """Gather the sources of the site and build it with Sphinx.
 
 The pages of the repository keep their places, so that their relative links work in the site as they do on the code
-host; README.md is the landing page. Files that a page links to are copied beside them and offered for download.
+host; README.md is the landing page, which shows the page of ``steer-env explore``. Files that a page links to are
+copied beside them and offered for download.
 """
 
+import os
 import posixpath
 import re
 import shutil
+import subprocess
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -20,6 +24,16 @@ STANDS_FOR = {
     "CITATION.cff": "citation.md",
     "examples": "examples/index.md",
 }
+LAWS = ("lugre@column_eps", "lugre", "masing", "coulomb")  # of the car on the landing page
+LIVE = """
+```{raw} html
+<p>Sliders for car and friction law redraw the weave with its metrics, as <code>steer-env explore</code> writes it;
+<a href="live/index.html">by itself</a>, or <a href="live/drive.html">drive the car</a> in the browser.</p>
+<iframe class="live" src="live/index.html" title="The car with sliders" loading="lazy"></iframe>
+```
+
+## Install
+"""
 # The sidebar: the doors of the README, by the kind of reader, then what all of them look up.
 DOORS = {
     "Study friction": (
@@ -120,16 +134,27 @@ def gather(folder: Path) -> None:
     for place, text in (written | own).items():
         path = folder / STANDS_FOR.get(place, place)
         path.parent.mkdir(parents=True, exist_ok=True)
-        end = contents() if place == "README.md" else ""
-        path.write_text(led(place, text) + end, encoding="utf-8")
+        if place == "README.md":
+            text = text.replace("\n## Install\n", LIVE, 1) + contents()
+        path.write_text(led(place, text), encoding="utf-8")
 
 
 def build(out: Path, options: Iterable[str] = ("--fail-on-warning", "--keep-going", "--nitpicky")) -> int:
-    """Build the site into ``out``, with the sources and what Sphinx keeps beside it; Sphinx's exit code."""
+    """Build the site into ``out``, with the sources and what Sphinx keeps beside it; the exit code.
+
+    The page of the car is compiled meanwhile, by a process of its own.
+    """
     from sphinx.cmd.build import main
 
+    live = out.with_name(f"{out.name}-live")
+    words = [sys.executable, "-m", "steer_env.experiments.cli.main", "explore", "--friction", *LAWS, "--out", str(live)]
+    compiled = {key: value for key, value in os.environ.items() if key != "NUMBA_DISABLE_JIT"}
+    page = subprocess.Popen(words, cwd=ROOT, env=compiled, stdout=subprocess.DEVNULL)
     sources, kept = (out.with_name(f"{out.name}-{part}") for part in ("sources", "kept"))
     gather(sources)
     shutil.rmtree(out, ignore_errors=True)
     places = ["--conf-dir", CONFIGURATION, "--doctree-dir", kept, sources, out]
-    return main([*options, "--quiet", "--fresh-env", "--jobs", "auto", "--builder", "html", *map(str, places)])
+    code = main([*options, "--quiet", "--fresh-env", "--jobs", "auto", "--builder", "html", *map(str, places)])
+    if page.wait() == 0:
+        shutil.move(live, out / "live")
+    return code or page.returncode
