@@ -122,8 +122,11 @@ def _of_friction(law: Any, name: str) -> tuple[dict[str, Any], str]:
     p, key = friction.resolve(law), name.removeprefix(FRICTION)
     if not isinstance(p, Sites):
         return friction.as_mapping(p), key
-    site, _, key = key.partition(".")
-    return with_defaults(law).get(site, {}), key
+    given = with_defaults(law)
+    site, dot, key = key.rpartition(".")
+    if not dot and len(given) == 1:  # one law for all sites
+        (site,) = given
+    return given.get(site, {}), key
 
 
 def changed(study: Study, values: Mapping[str, float]) -> tuple[Car, Conditions]:

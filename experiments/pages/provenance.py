@@ -120,6 +120,11 @@ def _law_in_short(p: Any) -> dict[str, Any]:
     return {"law": law_of(p).name, "parameters": {name: _plain(value) for name, value in p._asdict().items()}}
 
 
+def friction_of(short: Mapping[str, Any]) -> dict[str, Any]:
+    """A friction of a trace in a form that ``friction.resolve`` takes; KeyError for one that is none."""
+    return short["sites"] if "sites" in short else {"law": short["law"], **short["parameters"]}
+
+
 @lru_cache
 def _digest_of_sources() -> str:
     """Short digest of all source and data files, which does not depend on version control.

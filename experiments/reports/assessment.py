@@ -143,10 +143,7 @@ def differing(recordings: Mapping[str, Recording]) -> list[tuple[str, list[Any]]
 
 def _law(trace: Mapping[str, Any]) -> dict[str, Any]:
     """The law or the sites of a recording, and no text beside numbers, in place of those of the car."""
-    laws = [
-        each["sites"] if "sites" in each else {"law": each["law"], **each["parameters"]}
-        for each in trace.get("friction", {}).values()
-    ]
+    laws = [provenance.friction_of(each) for each in trace.get("friction", {}).values()]
     return {"description": None, "source": None, "friction": laws[0] if len(laws) == 1 else None}
 
 

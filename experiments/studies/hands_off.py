@@ -23,12 +23,13 @@ from steer_env.vehicle.plant import CHANNEL
 
 Array = NDArray[np.float64]
 
-DEFAULT, NONE = "lugre", "no friction"
+NONE = "no friction"
 SLOWEST, FASTEST = 10.0, 60.0  # [m/s]
 TORQUES, DURATION = (3.0, 5.0), 0.3  # of the pulse [N m], [s]
 ROWS = 5.0  # between the speeds of the table [m/s]
 SHOWN = (30.0, 40.0, 50.0)  # speeds at which the picture shows the yaw rate [m/s]
-REQUIRED = ((DEFAULT, 50.0), (NONE, 40.0))  # where the default car has to settle after the smaller pulse: law, [m/s]
+# Where the default car has to settle after the smaller pulse, with its friction and without [m/s].
+WITH_FRICTION, WITHOUT = 50.0, 40.0
 
 
 class Case(NamedTuple):
@@ -51,7 +52,7 @@ class Outcome(NamedTuple):
 
 def law_of(name: str) -> Any:
     """The friction of a name, which may be "no friction"."""
-    return free_control.FRICTIONLESS if name == NONE else friction.make(name)
+    return free_control.FRICTIONLESS if name == NONE else friction.resolve(name)
 
 
 def outcome(car: Car, case: Case, speed: float) -> Outcome:
@@ -127,7 +128,7 @@ def motion(found: Outcome) -> str:
 def requirement(car: Car) -> str:
     """The outcomes at the two speeds at which the default car has to settle."""
     lines = []
-    for law, speed in REQUIRED:
+    for law, speed in ((car.friction, WITH_FRICTION), (NONE, WITHOUT)):
         for chassis in cars.SPEEDS:
             for torque in TORQUES:
                 found = outcome(car, Case(chassis, torque, law), speed)
@@ -140,8 +141,8 @@ def requirement(car: Car) -> str:
 
 
 def yaw_rate(car: Car, chassis: str, speed: float) -> Array:
-    """Yaw rate (T,) [rad/s] from the begin of the smaller pulse, with the default law."""
-    found = free_control.pulse(car.plant(DEFAULT, speed, chassis=chassis), TORQUES[0], DURATION)
+    """Yaw rate (T,) [rad/s] from the begin of the smaller pulse, with the friction of the car."""
+    found = free_control.pulse(car.plant(None, speed, chassis=chassis), TORQUES[0], DURATION)
     return found.record[:, CHANNEL["yaw_rate"]]
 
 
@@ -150,7 +151,7 @@ def main(argv: Sequence[str] | None = None, sweep: Runner = run) -> None:
     parser = argparse.ArgumentParser(prog="steer-env study hands-off", description=main.__doc__)
     car_options.add(parser)
     laws = list(friction.available())
-    text = f"laws by name, beside none (default {' '.join(laws)})"
+    text = f"laws by name, beside the friction of the car and none (default {' '.join(laws)})"
     parser.add_argument("--friction", metavar="LAW", nargs="+", choices=laws, default=laws, help=text)
     parser.add_argument("--stride", metavar="M/S", type=float, default=1.0, help="between the speeds (default 1)")
     text = "file for the picture (default hands_off.svg; docs/hands_off.svg in a checkout is that of the documentation)"
@@ -161,7 +162,7 @@ def main(argv: Sequence[str] | None = None, sweep: Runner = run) -> None:
     car = car_options.load(args)
     speeds = np.arange(SLOWEST, FASTEST + 0.5 * args.stride, args.stride).round(6)
     with progress("driving") as notify:
-        outcomes = collect(car, [*args.friction, NONE], [float(v) for v in speeds], sweep, notify)
+        outcomes = collect(car, [car.friction, *args.friction, NONE], [float(v) for v in speeds], sweep, notify)
     print(table(outcomes))
     print(half_step(outcomes))
     print(requirement(car))
@@ -170,4 +171,4 @@ def main(argv: Sequence[str] | None = None, sweep: Runner = run) -> None:
         for case, of in outcomes.items()
     }
     curves = {chassis: {v: yaw_rate(car, chassis, v) for v in SHOWN} for chassis in cars.SPEEDS}
-    write_text(args.out, pictures.hands_off(DEFAULT, curves, verdicts))
+    write_text(args.out, pictures.hands_off(car.friction, curves, verdicts))

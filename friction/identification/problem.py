@@ -102,7 +102,7 @@ def descended(problem: Problem, space: Space, q: NDArray, loss_scale: float, *, 
     if final and not found.success:
         cost = found.cost
         found = least_squares(weakened, found.x, method="lm", xtol=1e-9, ftol=1e-9, max_nfev=steps)
-        found.success = found.success or found.cost > (1.0 - 1e-5) * cost
+        found.success = found.success or found.cost > (1.0 - 1e-3) * cost
     if not np.isfinite(found.cost) or (final and not found.success):
         at = space.edges(space.coordinates(space.made(found.x[: len(space.sought)])[0]))
         edge = f": it runs along the edge of what the law allows for {', '.join(at)}" if at else f" ({found.message})"

@@ -595,7 +595,7 @@ def logged(found):
 
 def simulated(law="lugre", **options):
     """A weave as ``steer-env run`` records it, with its trace."""
-    p = friction.make(law)
+    p = friction.resolve(law)
     found = logged(manoeuvres.drive(cars.load(), manoeuvres.make("weave", **options), p))
     trace = provenance.trace(car=cars.load(), friction={law: p})
     return replace(found, meta={**found.meta, "trace": trace}).filtered(80.0).resampled(200.0)
@@ -609,8 +609,9 @@ def _little(monkeypatch):
 
 
 @pytest.mark.usefixtures("_little")
-def test_what_agrees_says_what_it_would_have_shown(tmp_path, capsys):
-    clean = simulated(cycles=6)
+@pytest.mark.parametrize("law", ["lugre", cars.load().friction])
+def test_what_agrees_says_what_it_would_have_shown(law, tmp_path, capsys):
+    clean = simulated(law, cycles=6)
     for name, found in (("car", noisy(clean, np.random.default_rng(1))), ("model", clean)):
         recordings.write(found, tmp_path / f"{name}.csv")
     files = [str(tmp_path / f"{name}.csv") for name in ("car", "model")]

@@ -15,10 +15,10 @@ def test_table_and_picture(tmp_path, capsys):
     car = cars.load()
     for chassis in cars.SPEEDS:
         assert f"{chassis}, 3 N m for 0.3 s" in text
-        found = free_control.pulse(car.plant("lugre", 50.0, chassis=chassis))
-        assert f"50 m/s, lugre, {chassis}, 3 N m: {found.verdict}, and " in text
+        found = free_control.pulse(car.plant(None, 50.0, chassis=chassis))
+        assert f"50 m/s, {car.friction}, {chassis}, 3 N m: {found.verdict}, and " in text
         assert picture.count(f"{chassis.replace('_', ' ')}: 5 N m") == 1
-    count = len(cars.SPEEDS) * 2 * 2 * 3  # chassis, torques, laws, speeds
+    count = len(cars.SPEEDS) * 2 * 3 * 3  # chassis, torques, laws, speeds
     assert int(re.search(r"same verdict in \d+ of (\d+) runs", text)[1]) == count
     assert "no friction" in picture
 

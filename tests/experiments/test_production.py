@@ -76,7 +76,7 @@ def test_a_row_is_the_drive_of_the_car_with_its_values():
     found = steer_env.population("compact", 1, {"column.K_tb": 0.1, "friction.sigma_0": (90.0, 110.0)}, "hold", seed=3)
     values = {name: float(column[0]) for name, column in found.parameters.items()}
     car = cars.load("compact", changes={"column.K_tb": values["column.K_tb"]})
-    law = steer_env.friction.varied("lugre", {"sigma_0": values["friction.sigma_0"]})
+    law = steer_env.friction.varied(car.friction, {"sigma_0": values["friction.sigma_0"]})
     driven = metrics.evaluate(manoeuvres.drive(car, manoeuvres.make("hold"), law), intervals=False)
     assert {f"hold.{name}" for name in driven} | {"phase_margin", "gain_margin"} == found.outputs.keys()
     for name, value in driven.items():

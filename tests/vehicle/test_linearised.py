@@ -91,11 +91,11 @@ ALONG = ("longitudinal", "kappa", "drive", "front_drive", "throttle", "wheel_ang
 @pytest.mark.parametrize("hands", ["on", "off"])
 @pytest.mark.parametrize("torque", [0.0, 1.7])
 def test_motion_of_two_tracks_is_that_of_the_plant(turns, torque, hands, law):
-    """Within 1e-6 for all that steering moves; the motion ahead, which it hardly moves, to the digits that it has."""
+    """Within 2e-6 for all that steering moves; the motion ahead, which it hardly moves, to the digits that it has."""
     found = off(held(steady(turns["two_track"], torque=torque), hands, law), law, larger=(1.0, 3.0, 10.0, 30.0, 100.0))
     across = {name: value for name, value in found.items() if not name.startswith(ALONG)}
     assert len(across) > 20
-    assert max(across.values()) < 1e-6, {name: value for name, value in across.items() if value > 1e-6}
+    assert max(across.values()) < 2e-6, {name: value for name, value in across.items() if value > 2e-6}
     assert max(found.values()) < 3e-4
 
 

@@ -123,7 +123,7 @@ ERRORS = {
     "column_speed": (0.017, 0.0075),
     "torsion_bar_torque": (0.005, 0.0065),
     "motor_torque": (0.023, 0.039),  # at 3 N m the boost multiplies the error of the torsion bar by five
-    "friction_torque": (3.5, 0.7),  # one sample at each reversal, where sigma_1 |v| has its kink
+    "friction_torque": (3.5, 0.85),  # one sample at each reversal, where sigma_1 |v| has its kink
     "rack_force": (0.011, 0.0085),
     "lateral_speed": (0.015, 0.0095),
     "yaw_rate": (0.013, 0.0075),

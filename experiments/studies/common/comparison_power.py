@@ -13,11 +13,13 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from steer_env import friction, manoeuvres
+from steer_env.experiments.pages import provenance
 from steer_env.experiments.pages.words import percent
 from steer_env.experiments.studies.common import simulation_vs_measurement
 from steer_env.experiments.studies.common.scaling import scaled
 from steer_env.experiments.studies.common.simulation_vs_measurement import ENOUGH, Tolerance
-from steer_env.friction.law import law_of
+from steer_env.friction.law import as_mapping, law_of
+from steer_env.friction.sites import LEAST, NOTHING, Sites, sliding_torque
 from steer_env.metrics import RefusedError
 from steer_env.recording.recording import Recording
 from steer_env.vehicle import cars
@@ -95,7 +97,7 @@ def simulated(recording: Recording) -> Simulated:
     if "car" not in trace or len(laws) != 1:
         raise ValueError("its trace names no car and law that could be driven again")
     try:
-        law = friction.resolve({"law": laws[0]["law"], **laws[0]["parameters"]})
+        law = friction.resolve(provenance.friction_of(laws[0]))
         made = manoeuvres.make(recording.meta["manoeuvre"])
         manoeuvre = replace(made, speed=recording.meta["speed_m_s"], chassis=recording.meta["chassis"])
         return Simulated(cars.load(trace["car"]), law, manoeuvre)
@@ -150,13 +152,26 @@ def power(
             raise ValueError("driven again by its trace it is another one")
     except (ValueError, RefusedError) as error:
         return Power((), {}, str(error))
-    name = law_of(own.law).name
-    others = {law: friction.make(law) for law in friction.available() if law != name}
+    others = _others(own)
     sides = [(change, factors) for change in CHANGES.values() for factors in (_BELOW, FACTORS)]
     with ThreadPoolExecutor(WORKERS) as pool:
         ends = list(pool.map(first, [_changed(own, change, factors) for change, factors in sides]))
         laws = dict(zip(others, pool.map(lambda p: bool(shows(own.car, p)), others.values())))
     return Power(tuple(map(Shown, CHANGES, ends[::2], ends[1::2])), laws)
+
+
+def _others(own: Simulated) -> dict[str, Any]:
+    """The other laws with their defaults, at one site or, as the own friction, at those of the car's steering."""
+    if not isinstance(own.law, Sites):
+        return {law: friction.make(law) for law in friction.available() if law != law_of(own.law).name}
+    used = {law_of(site.law).name for site in own.law if as_mapping(site.law) != NOTHING}
+    found = {}
+    for law in friction.available():
+        made = friction.make(law)
+        if {law} != used and law_of(made).mean_torque is not None:  # which a site needs
+            without = "" if sliding_torque(made) > LEAST else ",efficiency=1"  # of a gear, no load makes it grow
+            found[law] = friction.resolve(f"{law}{without}@{own.car.kind}")
+    return found
 
 
 def _changed(own: Simulated, change: Change, factors: Sequence[float]) -> list[tuple[float, Car, Any]]:

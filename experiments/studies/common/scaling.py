@@ -8,6 +8,7 @@ import numpy as np
 
 from steer_env.friction.law import law_of
 from steer_env.friction.numerics.frozen import frozen
+from steer_env.friction.sites import Sites
 
 _POWERS = {"N": (1, 0), "m": (0, 0), "rad": (0, 1), "s": (0, 0), "1": (0, 0)}  # word -> powers of torque, displacement
 
@@ -18,7 +19,7 @@ def scaled(p: Any, torque: float, displacement: float) -> Any:
     Parameters
     ----------
     p : parameters
-        Of a law.
+        Of a law, or of sites, whose gear keeps its efficiency.
     torque, displacement : float
         Factors, above 0 [1].
 
@@ -27,6 +28,19 @@ def scaled(p: Any, torque: float, displacement: float) -> Any:
     ValueError
         For a law that does not declare the unit of a parameter.
     """
+    if isinstance(p, Sites):
+        return frozen(
+            Sites(
+                *(
+                    site._replace(
+                        law=scaled(site.law, torque, displacement),
+                        driving=site.driving / torque,
+                        driven=site.driven / torque,
+                    )
+                    for site in p
+                )
+            )
+        )
     law = law_of(p)
     found = {}
     for name, value in p._asdict().items():
