@@ -346,3 +346,11 @@ def test_the_guide_is_true(monkeypatch, capsys):
     named = set(re.findall(r"(--[a-z][a-z-]+)", GUIDE)) - {"--friction"}
     assert len(named) > 10
     assert [option for option in sorted(named) if option not in known] == []
+
+
+def test_a_record_that_no_law_fits_is_told_in_a_sentence():
+    record = friction_record.FrictionRecord(np.radians(X), F, DT, {"displacement": "rad", "torque": "N m"})
+    found = friction_fit.collect(record, "none", ["dahl"])
+    laws = tuple(each._replace(fit=None, refused="why") for each in found.laws)
+    none = found._replace(laws=laws, curves={})
+    assert friction_fit_page.verdict(none) == "No law was fitted; the table says why."

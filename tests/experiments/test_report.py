@@ -344,7 +344,7 @@ def test_the_page_says_everything_in_plain_words(made):
         assert " ".join(report_findings.label(name).split()) in words
     assert not {"nan", "None", "Undefined", "inf"} & set(words.split())
     lasting = r"keeps vibrating with strong friction \(3 N m\) and assist on: [\d.]+ mN m without a micro-damper, "
-    light = r"[\d.]+ mN m with a damping ratio of 0\.1, "
+    light = r"[\d.]+ mN m with a damping ratio of 0\.1 \(decays\), "
     assert re.search(lasting + light + r"[\d.]+ mN m with a damping ratio of 0\.44 \(decays\)", words)
     assert "; it decays in the other 3 combinations of friction and assist" in words
     assert "The lines of masing and lugre (wide) coincide within a line's width" in words
