@@ -48,7 +48,8 @@ from steer_env.friction.numerics.kernel import dispatch, kernel
 
 NOTHING = {"law": "viscous", "sigma_2": 0.0}
 ABOVE, BELOW = "upper_column", ("lower_column", "gear", "rack", "motor")
-TEXT = "LAW[,key=value...]@SITE, several joined by +; @column_eps and @rack_eps are all of a kind"  # also in pages
+# Also in the options of pages.
+TEXT = "LAW[,key=value...]@SITE, several joined by +; @column_eps and @rack_eps are all sites of that steering"
 MOST_ROUNDS, WITH_SLOPE = 50, 8
 LEAST = 1e-6  # sliding torque that can grow, assumed [N m]
 CLOSE = 1e-15  # of the torque that an error of w1 adds to the second equation, over its terms [1]
@@ -602,7 +603,7 @@ def resolve(friction: Any) -> Any:
     """
     if isinstance(friction, Sites):
         return friction
-    if isinstance(friction, Mapping) and friction.keys() & {ABOVE, *BELOW, *defaults.SHARES}:
+    if isinstance(friction, Mapping) and (friction.keys() & {ABOVE, *BELOW, *defaults.SHARES} or _of_laws(friction)):
         return make_sites(friction)
     if fitted_file.named(friction) and fitted_file.of_sites(friction):
         held = fitted_file.read(friction)
@@ -613,6 +614,12 @@ def resolve(friction: Any) -> Any:
     if isinstance(friction, str) and "@" in friction and not fitted_file.named(friction):
         return make_sites(_of_text(friction))
     return laws.resolve(friction)
+
+
+def _of_laws(given: Mapping[str, Any]) -> bool:
+    """Whether a mapping is meant for sites, whose names may be wrong, and not for the parameters of a law."""
+    each = (isinstance(law, str | Mapping) or LAWS.of(type(law)) is not None for law in given.values())
+    return "law" not in given and any(each)
 
 
 def _of_text(text: str) -> dict[str, Any]:
@@ -703,6 +710,12 @@ def varied(friction: Any, values: Mapping[str, float]) -> Any:
         site, dot, name = str(key).rpartition(".")
         if not dot and len(given) == 1:
             (site,) = given
+        if given.keys() & defaults.SHARES and site not in given:
+            (kind,) = given
+            raise ValueError(
+                f"one law stands at all sites of {kind}: name its parameter without a site, as F_c, or give each site "
+                f"its law, got {key!r}"
+            )
         one_of("the site of friction", site, tuple(given))
         given[site][name] = value
     return make_sites(given)

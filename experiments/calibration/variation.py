@@ -106,6 +106,8 @@ def quantity(car: Car, law: Any, name: str, what: str = "--parameters") -> Quant
     if section == "friction":
         found, key = _of_friction(law, name)
     value = found.get(key) if isinstance(found, dict) else None
+    if section == "friction" and value is None:
+        raise ValueError(f"{what} has no number {name!r}; this friction has {', '.join(_names(law))}")
     if isinstance(value, bool) or not isinstance(value, int | float):
         kinds = f"{', '.join(KNOWN)}, {', '.join(CONDITIONS)}, friction.KEY or friction.SITE.KEY, or SECTION.KEY "
         kinds += "of a car file with a number"
@@ -127,6 +129,20 @@ def _of_friction(law: Any, name: str) -> tuple[dict[str, Any], str]:
     if not dot and len(given) == 1:  # one law for all sites
         (site,) = given
     return given.get(site, {}), key
+
+
+def _names(law: Any) -> list[str]:
+    """The numbers of a friction by name, of which one law at all sites has each once."""
+    p = friction.resolve(law)
+    if not isinstance(p, Sites):
+        return [FRICTION + key for key, value in friction.as_mapping(p).items() if isinstance(value, float)]
+    given = with_defaults(law)
+    return [
+        f"{FRICTION}{f'{site}.' if len(given) > 1 else ''}{key}"
+        for site, own in given.items()
+        for key, value in own.items()
+        if isinstance(value, float)
+    ]
 
 
 def changed(study: Study, values: Mapping[str, float]) -> tuple[Car, Conditions]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 # Those of steer_env.friction.law and steer_env.friction.sites, which take longer to import.
 FRICTION = "LAW[,key=value...], a list of numbers as a:b:c, or a fitted FILE.json"
-SITES = "LAW[,key=value...]@SITE, several joined by +; @column_eps and @rack_eps are all of a kind"
+SITES = "LAW[,key=value...]@SITE, several joined by +; @column_eps and @rack_eps are all sites of that steering"
 LONG = 10.0  # time from which on work without a terminal says how far it is [s]
 
 

@@ -174,7 +174,7 @@ def test_what_is_varied_of_sites_is_what_their_text_takes(car, given, key, own):
     ],
 )
 def test_what_the_text_of_sites_does_not_take_is_refused(car, given, key):
-    with pytest.raises(ValueError, match=f"has no number 'friction.{key}'"):
+    with pytest.raises(ValueError, match=f"has no number 'friction.{key}'; this friction has friction"):
         sensitivity.factors_of(car, given, ("load", f"friction.{key}=0.1:0.2"))
 
 
