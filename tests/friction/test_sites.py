@@ -285,12 +285,12 @@ def test_what_was_left_out_follows_what_is_varied():
     assert friction.varied("lugre@column_eps", {"F_c": 1.5}) == friction.resolve("lugre,F_c=1.5@column_eps")
     with pytest.raises(ValueError, match="the site of friction must be"):
         friction.varied("coulomb@gear+coulomb@rack", {3: 1.0})
-    with pytest.raises(ValueError, match=r"all sites of column_eps: name its parameter without a site.* got 'gear.F_c'"):
+    with pytest.raises(ValueError, match=r"all sites of column_eps: name its parameter .* got 'gear.F_c'"):
         friction.varied("lugre@column_eps", {"gear.F_c": 0.3})
 
 
 def test_an_unknown_site_of_a_mapping_is_told_with_those_that_there_are():
-    with pytest.raises(ValueError, match="a site of friction must be one of upper_column, .* got 'worm'"):
+    with pytest.raises(ValueError, match=r"a site of friction must be one of upper_column, .* got 'worm'"):
         friction.resolve({"worm": "lugre"})
 
 
