@@ -74,8 +74,7 @@ def build(found: Results) -> tuple[Page, dict[str, Any]]:
         "plants": [(p.name.replace("_", " "), _ratio(p.ratio), number(1e9 * p.seconds.median)) for p in found.plants],
         "of_plant": [(chassis.replace("_", " "), *_largest(found, chassis)) for chassis in cars.SPEEDS],
         "of_step": [
-            (s.name, s.chassis.replace("_", " "), _ratio(s.share._make(100.0 * x for x in s.share)))
-            for s in found.shares
+            (s.name, s.chassis.replace("_", " "), _ratio(Estimate(*(100.0 * x for x in s.share)))) for s in found.shares
         ],
         "starts": [
             (name.replace("_", " "), "" if math.isnan(c) else number(c), number(w)) for name, c, w in found.starts
