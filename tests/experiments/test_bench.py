@@ -68,9 +68,7 @@ def test_the_page_has_ratios_first_and_its_numbers(monkeypatch, tmp_path, capsys
     out = tmp_path / "bench"
     assert main(["bench", "--seconds", "0.2", "--out", str(out)]) == 0
     assert "A step of AssistWeave, ten milliseconds of car, takes" in capsys.readouterr().out
-    assert "EnvPool is not installed: pip install &#39;.[bench]&#39;" in (out / "index.html").read_text(
-        encoding="utf-8"
-    )
+    assert "EnvPool is not installed: pip install '.[bench]'" in (out / "index.html").read_text(encoding="utf-8")
     found = json.loads((out / "bench.json").read_text(encoding="utf-8"))
     row = found["environments"][0]
     assert (row["what"], row["rows"], row["over_base"]["median"]) == (step_time.CART, 1, 1.0)
