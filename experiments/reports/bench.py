@@ -12,6 +12,7 @@ from steer_env.experiments.studies.common.step_time import OWN, ROWS, Case, Resu
 from steer_env.vehicle import cars
 
 NAME = "bench"
+TRACKS = {"single_track": "one track", "two_track": "two tracks"}
 
 
 def _ratio(e: Estimate) -> str:
@@ -56,7 +57,7 @@ def build(found: Results) -> tuple[Page, dict[str, Any]]:
         "of_rows": bench_pictures.rows(_lines(found.times)),
         "shares": bench_pictures.shares(
             {
-                chassis.replace("_", " "): {s.name: s.share.median for s in found.shares if s.chassis == chassis}
+                TRACKS[chassis]: {s.name: s.share.median for s in found.shares if s.chassis == chassis}
                 for chassis in dict.fromkeys(s.chassis for s in found.shares)
             }
         ),
@@ -72,10 +73,8 @@ def build(found: Results) -> tuple[Page, dict[str, Any]]:
             for t in found.times
         ],
         "plants": [(p.name.replace("_", " "), _ratio(p.ratio), number(1e9 * p.seconds.median)) for p in found.plants],
-        "of_plant": [(chassis.replace("_", " "), *_largest(found, chassis)) for chassis in cars.SPEEDS],
-        "of_step": [
-            (s.name, s.chassis.replace("_", " "), _ratio(Estimate(*(100.0 * x for x in s.share)))) for s in found.shares
-        ],
+        "of_plant": [(TRACKS[chassis], *_largest(found, chassis)) for chassis in cars.SPEEDS],
+        "of_step": [(s.name, TRACKS[s.chassis], _ratio(Estimate(*(100.0 * x for x in s.share)))) for s in found.shares],
         "starts": [
             (name.replace("_", " "), "" if math.isnan(c) else number(c), number(w)) for name, c, w in found.starts
         ],

@@ -32,7 +32,7 @@ from steer_env.tasks.common.standstill import CREEPING
 
 Array = NDArray[np.float64]
 
-ABOVE = 0.2  # twist of the bar that friction above it may hold, twice that of the default car [N m]
+ABOVE = 0.2  # twist of the bar that friction above it may hold, twice that of the default car; assumed [N m]
 GRIP = 0.1  # torque of the hands beyond it that halves the assist [N m]
 GRIP_TIME = 0.15  # time constant with which the grip decays [s]
 HANDS_BANDWIDTH = 4.0  # of each of the two filters on the hands' torque [Hz]
