@@ -2,6 +2,7 @@
 
 import os
 import pickle
+import tracemalloc
 import warnings
 from itertools import cycle
 
@@ -277,3 +278,16 @@ def test_a_thousand_sub_environments():
         observations, rewards, *_ = vector.step(np.zeros((1024, 1), np.float32))
     assert np.isfinite(observations).all()
     assert np.unique(rewards).size > 1000  # each its own amplitude
+
+
+def test_steps_keep_no_memory():
+    vector = make(WEAVE, n=64, friction="masing")
+    vector.reset(seed=0)
+    actions, held = np.zeros((64, 1), np.float32), []
+    tracemalloc.start()
+    for _ in range(3):
+        for _ in range(50):
+            vector.step(actions)
+        held.append(tracemalloc.get_traced_memory()[0])
+    tracemalloc.stop()
+    assert held[2] - held[1] < 2000  # [B] of 50 steps
