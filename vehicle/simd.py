@@ -104,7 +104,7 @@ def power(x: Any, y: Any) -> Any:
 
 
 def exp(x: Any) -> Any:
-    """Exponential, with a relative error of 4e-16 for arguments up to 700 in magnitude."""
+    """Exponential, with a relative error of 4e-16; of results below 2.3e-308 to one unit in the last place."""
     return np.exp(x)
 
 
@@ -114,12 +114,12 @@ def atan(x: Any) -> Any:
 
 
 def sin(x: Any) -> Any:
-    """Sine, with an absolute error of 4e-16 for arguments up to 100 in magnitude."""
+    """Sine, with an absolute error of 4e-16 for arguments up to 1e8 in magnitude, and NaN beyond."""
     return np.sin(x)
 
 
 def cos(x: Any) -> Any:
-    """Cosine, with an absolute error of 4e-16 for arguments up to 100 in magnitude."""
+    """Cosine, with an absolute error of 4e-16 for arguments up to 1e8 in magnitude, and NaN beyond."""
     return np.cos(x)
 
 
@@ -282,23 +282,35 @@ if COMPILED:
         pairs = build.fmul(k, _constant(0.5))
         odd = _compare("!=", build, pairs, _call("rint", build, pairs))
         s = build.select(odd, build.fneg(s), s)
-        return build.fneg(s) if half else build.fmul(s, _call("copysign", build, _constant(1.0), x))
+        s = build.fneg(s) if half else build.fmul(s, _call("copysign", build, _constant(1.0), x))
+        return build.select(_compare("<=", build, z, _constant(1e8)), s, _constant(math.nan))
 
     _LOG_2 = (0.693147180369123816490, 1.90821492927058770002e-10)  # log 2; multiples of the first are exact
     _EXP = tuple(1.0 / math.factorial(n) for n in range(14))
+    _LARGEST, _SMALLEST = 710.0, -746.0  # beyond, the exponential is infinite or zero
     _ROUND = 1.5 * 2.0**52  # a number plus this has the nearest integer in its last bits
 
     def _exp(build, x):
+        x = _larger(build, _smaller(build, x, _constant(_LARGEST)), _constant(_SMALLEST))
         shifted = _call("fmuladd", build, x, _constant(1.0 / math.log(2.0)), _constant(_ROUND))
         k = build.fsub(shifted, _constant(_ROUND))
         for part in _LOG_2:
             x = _call("fmuladd", build, k, _constant(-part), x)
-        power = build.add(build.bitcast(shifted, _LONGS), _constant(1023, _LONGS))  # 2^k by its bits
-        power = build.bitcast(build.shl(power, _constant(52, _LONGS)), _FOUR)
-        return build.fmul(_polynomial(build, x, _EXP), power)
+        value = _polynomial(build, x, _EXP)
+        half = _call("floor", build, build.fmul(k, _constant(0.5)))
+        for part in (half, build.fsub(k, half)):  # 2^k by its bits, half by half, as a double may not hold it
+            power = build.bitcast(build.fadd(part, _constant(_ROUND + 1023.0)), _LONGS)
+            value = build.fmul(value, build.bitcast(build.shl(power, _constant(52, _LONGS)), _FOUR))
+        return value
 
     def _compare(sign, build, x, y):
         return build.fcmp_ordered(sign, x, y)
+
+    def _smaller(build, x, limit):
+        return build.select(_compare("<", build, limit, x), limit, x)
+
+    def _larger(build, x, limit):
+        return build.select(_compare(">", build, limit, x), limit, x)
 
     def _any(build, bits):
         return build.icmp_unsigned("!=", build.bitcast(bits, ir.IntType(4)), ir.Constant(ir.IntType(4), 0))
@@ -313,8 +325,8 @@ if COMPILED:
     _define(operator.and_, MASK, (MASK, MASK), ir.IRBuilder.and_)
     _define(any_of, types.boolean, (MASK,), _any)
     _define(where, FOUR, (MASK, FOUR, FOUR), ir.IRBuilder.select)
-    _define(minimum, FOUR, (FOUR, FOUR), lambda build, x, y: build.select(_compare("<", build, y, x), y, x))
-    _define(maximum, FOUR, (FOUR, FOUR), lambda build, x, y: build.select(_compare(">", build, y, x), y, x))
+    _define(minimum, FOUR, (FOUR, FOUR), _smaller)
+    _define(maximum, FOUR, (FOUR, FOUR), _larger)
     _define(fabs, FOUR, (FOUR,), partial(_call, "fabs"))
     _define(sqrt, FOUR, (FOUR,), partial(_call, "sqrt"))
     _define(copysign, FOUR, (FOUR, FOUR), partial(_call, "copysign"))

@@ -1,8 +1,9 @@
 import math
 
 import numpy as np
+import pytest
 
-from steer_env.friction.numerics.kernel import kernel
+from steer_env.friction.numerics.kernel import COMPILED, kernel
 from steer_env.vehicle.simd import (
     any_of,
     atan,
@@ -51,14 +52,24 @@ def test_elementary_functions():
     np.testing.assert_allclose(sines, np.sin(v), rtol=0, atol=4e-16)
     np.testing.assert_allclose(cosines, np.cos(v), rtol=0, atol=4e-16)
     np.testing.assert_allclose(powers, np.exp(v), rtol=4.5e-16, atol=0)
-    far = np.linspace(-230, 230, 999)
-    np.testing.assert_allclose(of(far)[3, 2], np.exp(3.0 * far), rtol=4.5e-16)
     assert (arcs[0] == -arcs[1]).all()
     assert (sines[0] == -sines[1]).all()
     assert (cosines[0] == cosines[1]).all()
     np.testing.assert_array_equal(of(np.array([0.0]))[:, 0, 0], [0.0, 0.0, 1.0, 1.0])
     assert of(np.array([1e300]))[0, 0, 0] == math.pi / 2
     assert np.isnan(of(np.array([math.nan]))[:, :3]).all()
+
+
+@pytest.mark.skipif(not COMPILED, reason="plain Python takes those of NumPy")
+def test_elementary_functions_over_the_whole_range_of_doubles():
+    x = np.array([*np.linspace(-750, 750, 99999), *10.0 ** np.linspace(-320, 308, 999), math.inf])
+    with np.errstate(over="ignore"):
+        expected = np.exp([x, -x])
+    np.testing.assert_allclose(of(x)[3, :2], expected, rtol=4.5e-16, atol=5e-324)
+    far = np.linspace(0, 1e8, 99999)
+    _, sines, cosines, _ = of(far)
+    np.testing.assert_allclose([sines[0], cosines[0]], [np.sin(far), np.cos(far)], rtol=0, atol=4e-16)
+    assert np.isnan(of(np.array([1.1e8, 1e300, math.inf]))[1:3, :2]).all()
 
 
 @kernel
