@@ -108,6 +108,6 @@ def main(layout: dict, address: tuple[str, int]) -> list[dict[str, float]]:
 if __name__ == "__main__":
     if len(sys.argv) != 3:
         sys.exit("usage: client.py ADDRESS PORT")
-    found = main(json.loads(Path("packets.json").read_text()), (sys.argv[1], int(sys.argv[2])))
+    found = main(json.loads(Path("packets.json").read_text(encoding="utf-8")), (sys.argv[1], int(sys.argv[2])))
     for row in found:
         print(f"{row['time']:.3f} {row['handwheel_angle']:.17g} {row['torsion_bar_torque']:.17g}")

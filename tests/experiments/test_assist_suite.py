@@ -276,12 +276,12 @@ def test_the_suite_of_an_own_car_is_made_again_by_its_trace(tmp_path, capsys, mo
     monkeypatch.setattr(assist_suite, "suite", lambda *given: [d for d in whole(*given) if d.kind == "lane change"])
     command = ["policy", "suite", "boost", "damping", "--env", WEAVE, "--set", "column.K_tb=143", "--out", "suite.json"]
     assert main(command) == 0
-    found = json.loads(Path("suite.json").read_text())
+    found = json.loads(Path("suite.json").read_text(encoding="utf-8"))
     assert found["trace"]["car"]["column"]["K_tb"] == 143.0
     assert main(["rerun", "suite.json"]) == 0
     assert "suite.json: equal to the bit" in capsys.readouterr().out
     found["controllers"]["damping"]["results"][0]["worst"] *= 1.0 + 1e-15
-    Path("suite.json").write_text(json.dumps(found))
+    Path("suite.json").write_text(json.dumps(found), encoding="utf-8")
     assert main(["rerun", "suite.json"]) == 1
 
 

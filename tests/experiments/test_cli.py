@@ -149,7 +149,7 @@ def test_version(capsys):
 
 @pytest.mark.whole
 def test_a_law_from_the_working_directory(tmp_path):
-    source = Path(viscous.__file__).read_text().replace('"viscous"', '"outside"')
+    source = Path(viscous.__file__).read_text(encoding="utf-8").replace('"viscous"', '"outside"')
     (tmp_path / "outside_law.py").write_text(source)
     command = [
         sys.executable,

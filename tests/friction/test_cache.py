@@ -63,7 +63,7 @@ def test_a_warm_process_compiles_nothing_whatever_is_imported(tmp_path):
 
 def test_an_edited_law_is_compiled_afresh(tmp_path):
     """``step`` lives in another file than the law that becomes part of it; numba's cache would serve the old law."""
-    source = Path(friction.models.viscous.__file__).read_text().replace('"viscous"', '"outside"')
+    source = Path(friction.models.viscous.__file__).read_text(encoding="utf-8").replace('"viscous"', '"outside"')
     file, folder = tmp_path / "outside.py", tmp_path / "cache"
 
     def run(text):
@@ -80,7 +80,7 @@ def test_an_edited_law_is_compiled_afresh(tmp_path):
 
 def test_a_law_typed_at_a_prompt_works(tmp_path):
     """Its kernels have no source file, so that numba caches only their callers."""
-    source = Path(friction.models.viscous.__file__).read_text().replace('"viscous"', '"typed"')
+    source = Path(friction.models.viscous.__file__).read_text(encoding="utf-8").replace('"viscous"', '"typed"')
     report = fresh_process(tmp_path, "typed", f"exec({source!r})")
     assert report["torque"] == TORQUE
 

@@ -82,7 +82,7 @@ _ANOTHER = "A figure of this machine says nothing about another."
 def machine() -> str:
     """Kernel, governor of the processor and load of this machine, as text."""
     file = Path("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor")
-    governor = file.read_text().strip() if file.exists() else "not told by the system"
+    governor = file.read_text(encoding="utf-8").strip() if file.exists() else "not told by the system"
     load = os.getloadavg()[0]
     version = platform.version()
     return (

@@ -297,13 +297,15 @@ def _shares(times: Mapping[Case | str, list[float]]) -> list[Share]:
 
 
 def _resident() -> int:
-    """Memory of this process that is in use [bytes]."""
-    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    """Memory of this process that is in use, on Linux [bytes]."""
+    return int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
 def _memory(case: Case) -> float:
-    """What a row takes that has made a step, beyond the first [bytes]; NaN for few rows."""
+    """What a row takes that has made a step, beyond the first [bytes]; NaN for few rows, and without Linux for many."""
     if 1 < case.rows < ROWS[-1] or (case.rows == 1 and case.what.endswith("vector")):
+        return math.nan
+    if case.rows > 1 and sys.platform != "linux":
         return math.nan
     count, single = (SINGLE, True) if case.rows == 1 else (1, False)
 

@@ -402,12 +402,12 @@ def _work(memory_limit: int) -> None:
     os.setsid()  # a group for all that the FMU starts
     answers = os.dup(1)
     os.dup2(2, 1)
-    import fmpy.fmi2
-    import fmpy.fmi3  # noqa: F401 - what they take is not the FMU's
+    import fmpy.fmi2  # noqa: F401 - what they take is not the FMU's
+    import fmpy.fmi3  # noqa: F401
 
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-        taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+        taken = int(Path("/proc/self/statm").read_text(encoding="utf-8").split()[0]) * resource.getpagesize()
         hard = resource.getrlimit(resource.RLIMIT_AS)[1]
         limit = taken + memory_limit if hard == resource.RLIM_INFINITY else min(taken + memory_limit, hard)
         resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
@@ -454,7 +454,7 @@ def _end_all(worker: int) -> None:
     with suppress(ChildProcessError):  # there is none any more
         while True:
             if sys.platform == "linux":
-                for child in Path(f"/proc/self/task/{os.getpid()}/children").read_text().split():
+                for child in Path(f"/proc/self/task/{os.getpid()}/children").read_text(encoding="utf-8").split():
                     os.kill(int(child), signal.SIGKILL)
             os.waitpid(-1, 0)
 

@@ -129,7 +129,8 @@ def test_a_client_tunes_parameters_of_the_fmu(mode):
 
 def resident(process):
     """Memory of a process [MB]."""
-    fields = dict(line.split(":", 1) for line in Path(f"/proc/{process.pid}/status").read_text().splitlines())
+    told = Path(f"/proc/{process.pid}/status").read_text(encoding="utf-8")
+    fields = dict(line.split(":", 1) for line in told.splitlines())
     return float(fields["VmRSS"].split()[0]) / 1024.0
 
 

@@ -322,7 +322,7 @@ class CanStage(Stage):
 
 def pygame_sdl():
     """The library of SDL that pygame has loaded, which can attach virtual joysticks."""
-    found = re.findall(r"(/\S*pygame\S*libSDL2-\S+)", Path("/proc/self/maps").read_text())
+    found = re.findall(r"(/\S*pygame\S*libSDL2-\S+)", Path("/proc/self/maps").read_text(encoding="utf-8"))
     return ctypes.CDLL(found[0]) if found else None
 
 
