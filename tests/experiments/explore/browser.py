@@ -1,8 +1,13 @@
 """What the browsers of the tests have in common, however they are led."""
 
+import contextlib
 import time
 
 PATIENCE = 60.0  # [s]
+
+
+class PageLeftError(AssertionError):
+    """The browser left the page on which an expression was to be found."""
 
 
 class Browser:
@@ -14,11 +19,12 @@ class Browser:
         return self
 
     def until(self, expression, patience=PATIENCE):
-        """Wait until an expression is true; its value."""
+        """Wait until an expression is true, also across a link that is being followed; its value."""
         end = time.monotonic() + patience
         while time.monotonic() < end:
-            found = self.value(expression)
-            if found:
-                return found
+            with contextlib.suppress(PageLeftError):
+                found = self.value(expression)
+                if found:
+                    return found
             time.sleep(0.01)
         raise AssertionError(f"{expression} did not become true in {patience:g} s; {self.errors}")

@@ -8,12 +8,14 @@ import subprocess
 
 import pytest
 
-from tests.experiments.explore.browser import Browser
+from tests.experiments.explore.browser import Browser, PageLeftError
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 chromium_needed = pytest.mark.skipif(
     BROWSER is None, reason="no Chromium on this machine: install it, as by 'apt install chromium'"
 )
+# What the protocol answers where a link is followed before an expression has its value.
+PAGE_LEFT = ("Inspected target navigated or closed", "Execution context was destroyed.")
 KEYS = {"ArrowRight": 39, "ArrowLeft": 37, "ArrowDown": 40, "Tab": 9, "Enter": 13, " ": 32}
 
 
@@ -67,7 +69,8 @@ class Chromium(Browser):
         while True:
             got = self._message()
             if got.get("id") == self._count:
-                assert "error" not in got, got
+                if "error" in got:
+                    raise (PageLeftError if got["error"]["message"] in PAGE_LEFT else AssertionError)(got)
                 return got["result"]
 
     def _message(self):
