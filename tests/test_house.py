@@ -9,6 +9,7 @@ import os
 import re
 import subprocess
 import sys
+import sysconfig
 from pathlib import Path
 
 import pytest
@@ -35,6 +36,16 @@ def test_tools_are_content(command):
     else:
         arguments = [sys.executable, "-m", *command]
     done = subprocess.run(arguments, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_pages_are_spelled_well():
+    """Frequent misspellings; words of the field that look like one stand in pyproject.toml."""
+    tool = Path(sysconfig.get_path("scripts")) / "typos"
+    if not tool.exists():
+        pytest.skip("typos is not installed")
+    pages = [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")]
+    done = subprocess.run([tool, "--format", "brief", *pages], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
 
 

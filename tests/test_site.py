@@ -2,19 +2,26 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
+from xml.etree import ElementTree
 
 import pytest
 
 from steer_env import friction, metrics
 from steer_env.vehicle import cars
+from tests.tools.site import mathml, repository_pages
 from tests.tools.site_pages import as_markdown, cell
 
 ROOT = Path(__file__).parents[1]
+MATHML = "{http://www.w3.org/1998/Math/MathML}"
+PAGES = repository_pages().values()
+BLOCKS = [tex for text in PAGES for tex in re.findall(r"^ *```math\n(.*?)^ *```$", text, re.DOTALL | re.MULTILINE)]
+IN_LINES = [tex for text in PAGES for tex in re.findall(r"\$(`.*?`)\$", text)]
 
 
 class Page(HTMLParser):
@@ -53,6 +60,9 @@ def test_the_site_builds_and_its_links_and_search_lead_somewhere(tmp_path):
     loaded = [out / urlsplit(link).path for link in first.loaded]
     assert sum(path.stat().st_size for path in [out / "index.html", *loaded]) < 1.5e6  # before any compression
     require_search((out / "searchindex.js").read_text(encoding="utf-8"))
+    drawn = "".join(path.read_text(encoding="utf-8") for path in (out / "docs").glob("*.html"))
+    assert drawn.count('<div class="math"><math') == len(BLOCKS)
+    assert drawn.count("<math") == len(BLOCKS) + len(IN_LINES)
 
 
 def dead(pages):
@@ -75,6 +85,32 @@ def require_search(text):
     assert "docs/model" in {index["docnames"][k] for k in (found if isinstance(found, list) else [found])}
     declared = {"laws": friction.available(), "cars": cars.available(), "manoeuvres": metrics.tests()}
     assert {f"{folder}/{name}" for folder, names in declared.items() for name in names} <= set(index["docnames"])
+
+
+def tree(tex, block):
+    pytest.importorskip("docutils", reason="the extra docs is not installed")
+    return ElementTree.fromstring(mathml(tex, block).replace("&ApplyFunction;", ""))
+
+
+@pytest.mark.parametrize(
+    ("tex", "block"),
+    [(tex, True) for tex in BLOCKS] + [(tex, False) for tex in IN_LINES],
+    ids=lambda value: " ".join(str(value).split())[:60],
+)
+def test_an_equation_becomes_mathml(tex, block):
+    """No command is left, and no bracket that is opened in one row and closed in another takes rows for its own."""
+    made = tree(tex, block)
+    assert not re.search(r"[\\^&{}'`]", "".join(made.itertext()))
+    for table in made.iter(f"{MATHML}mtable"):
+        rows = table.findall(f"{MATHML}mtr")
+        assert len(rows) == tex.count(r"\\") + 1
+        assert max(map(len, rows)) <= 4  # both sides, an empty column, number and unit
+
+
+def test_signs_of_an_equation():
+    made = tree(r"`\theta_1'' = -\overline{T}/2 + \sin x`", False)
+    assert "".join("".join(made.itertext()).split()) == "θ1′′=−T_/2+sinx"
+    assert [child.tag.removeprefix(MATHML) for child in made][:3] == ["msub", "mo", "mo"]
 
 
 DOCSTRING = """A law.

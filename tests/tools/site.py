@@ -139,6 +139,18 @@ def gather(folder: Path) -> None:
         path.write_text(led(place, text), encoding="utf-8")
 
 
+def mathml(tex: str, block: bool) -> str:
+    """LaTeX of a page as MathML, which browsers draw without a script or a font of the site.
+
+    The backticks are those of a code host's mark of inline mathematics, which MyST takes for a part of it. The
+    converter sets functions without space, and a prime as an apostrophe.
+    """
+    from docutils.utils.math.latex2mathml import tex2mathml
+
+    spaced = re.sub(r"(\\(?:arctan|cos|cot|exp|ln|log|sin|tanh?)\b)", r"\\,\1\\,", tex.strip("`"))
+    return tex2mathml(spaced, as_block=block).replace("<mo>'</mo>", "<mo>′</mo>")
+
+
 def build(out: Path, options: Iterable[str] = ("--fail-on-warning", "--keep-going", "--nitpicky")) -> int:
     """Build the site into ``out``, with the sources and what Sphinx keeps beside it; the exit code.
 
