@@ -26,7 +26,8 @@ from steer_env.friction.numerics import scratch
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.interpolation import hermite
 from steer_env.friction.numerics.kernel import kernel, part, plain
-from steer_env.friction.numerics.packing import of_row
+from steer_env.friction.numerics.packing import common, of_row
+from steer_env.friction.numerics.simd import any_of, where
 from steer_env.vehicle import chassis
 from steer_env.vehicle.chassis.common.interface import (
     ASSIST_REQUEST,
@@ -78,6 +79,7 @@ SETTLING, RUN_IN = 2 * STEPS_PER_CHASSIS_STEP, 5000  # samples before a drive, f
 STOP_STIFFNESS = 2e6  # of the end stops of the rack, assumed [N/m]
 
 
+@common("robot")
 class Plant(NamedTuple):
     """Everything that the kernels need; :func:`steer_env.vehicle.cars.Car.plant` builds it."""
 
@@ -216,8 +218,9 @@ def report_column(p, state, row):
     row[0] = state[column.HANDWHEEL_ANGLE]
     row[1] = state[column.HANDWHEEL_SPEED]
     # Step means are extrapolated to the end of the last step (N4); a prescribed hand torque is reported itself.
-    given = p.robot == 0.0 and p.column.K_arm == 0.0
-    row[2] = state[at.hand_torque] if given else 1.5 * state[at.hand_torque] - 0.5 * state[at.hand_torque + 1]
+    given = (p.robot == 0.0) & (p.column.K_arm == 0.0)
+    torque, before = state[at.hand_torque], state[at.hand_torque + 1]
+    row[2] = where(given, torque, 1.5 * torque - 0.5 * before)
     row[3] = state[column.COLUMN_ANGLE]
     row[4] = state[column.COLUMN_SPEED]
     row[5] = p.column.K_tb * (state[column.HANDWHEEL_ANGLE] - state[column.COLUMN_ANGLE])
@@ -297,7 +300,7 @@ def run(p, state, inputs, record, substeps):
                 hand, slope = hermite((j + 1) / substeps, start, hand, start_speed * T, hand_speed * T)
                 hand_speed = slope / T
             _step(p, state, hand, hand_speed, before, after, j * h, u, h)
-            if state[at.steps] == STEPS_PER_CHASSIS_STEP:
+            if any_of(state[at.steps] == STEPS_PER_CHASSIS_STEP):
                 evaluate(p, state, u)
                 state[at.steps] = 0.0
         if i <= last or i == inputs.shape[0] - 1:
@@ -305,8 +308,7 @@ def run(p, state, inputs, record, substeps):
             report_chassis(p, state, u, row[_OWN - 1 :])
     finite = True
     for value in state:
-        if not abs(value) < math.inf:
-            finite = False
+        finite = finite & (abs(value) < math.inf)
     return finite
 
 
