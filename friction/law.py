@@ -46,6 +46,7 @@ class Law(NamedTuple):
     units: Mapping[str, str]
     steepest_fall: Callable[[Any, float, float], float]  # of parameters, torque scale, step [N m s/rad]
     relaxes: bool
+    wide: bool
     modes: Callable[[Any], int]
     permission: Callable[[Any], Mapping[str, Any]]
     extends: str
@@ -95,6 +96,7 @@ def register(
     units: Mapping[str, str] | None = None,
     steepest_fall: Callable[[Any, float, float], float] | None = None,
     relaxes: bool = False,
+    wide: bool = False,
     modes: Callable[[Any], int] | None = None,
     cut_back: Callable | None = None,
     permission: Callable[[Any], Mapping[str, Any]] | None = None,
@@ -138,6 +140,9 @@ def register(
         by default. The step equation has one solution where ``S`` is larger; another plant is refused. No kernel.
     relaxes : bool
         Whether a loaded memory gives way at rest (``rate`` is not zero), as a spring behind a damper does.
+    wide : bool
+        Whether the kernels take vectors of cars too (:mod:`steer_env.friction.numerics.simd`), so that rows of a batch
+        run side by side.
     modes : callable, optional
         Parameters -> number of floats at the end of the memory that change in jumps (stick, slip), of rate zero.
     cut_back : ``(p, torque_scale, memory) -> None``, optional
@@ -162,6 +167,7 @@ def register(
         units=dict(units or {}),
         steepest_fall=steepest_fall or (lambda p, torque_scale, h: 0.0),
         relaxes=relaxes,
+        wide=wide,
         rest_torque=_relaxing if relaxes else _resting,
         modes=modes or (lambda p: 0),
         permission=permission or (lambda p: {}),

@@ -174,6 +174,7 @@ register(
     mean_torque=mean_torque,
     fitted=("sigma_0", "F_c"),
     steepest_fall=steepest_fall,
+    wide=True,
     permission=lambda p: {"allow_active": True} if _active(p) else {},
     units={
         "sigma_0": "N m/rad",
