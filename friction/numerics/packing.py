@@ -275,7 +275,8 @@ def _of_rows(typing_context, template, rows, i):
             if isinstance(kind, types.BaseTuple):
                 if getattr(kind, "instance_class", None) in _shared:
                     return value
-                members = [rebuilt(member, builder.extract_value(value, k)) for k, member in enumerate(kind)]
+                kinds: Any = kind  # numba declares no members
+                members = [rebuilt(member, builder.extract_value(value, k)) for k, member in enumerate(kinds)]
                 return context.make_tuple(builder, kind, members)
             at, size = next_number, _index(1)
             one = kind.array if isinstance(kind, simd.Rows) else kind

@@ -300,7 +300,7 @@ if COMPILED:
         named.__name__ = getattr(function, "__name__", "")
         type_callable(function)(named)
 
-    def _lanes(kinds) -> int:
+    def _lanes(kinds: Any) -> int:
         """Lanes of the widest of these types; 0 where all are plain, or one is no number at all."""
         widths = [kind.lanes if isinstance(kind, _Lanes) else 0 for kind in kinds]
         return max(widths) if all(isinstance(kind, _Lanes | types.Number | types.Boolean) for kind in kinds) else 0
@@ -374,6 +374,8 @@ if COMPILED:
 
     def _calling(name):
         return lambda build, *arguments: _call(name, build, *arguments)
+
+    _function: Any  # of the loops that follow
 
     for _point, _name in (("add", "fadd"), ("sub", "fsub"), ("mul", "fmul"), ("truediv", "fdiv")):
         for _prefix in ("", "i"):
@@ -524,7 +526,8 @@ if COMPILED:
 
     @lower_builtin(load, types.Array, types.intp)
     def _load(context, build, kind, arguments):
-        return build.load(_address(context, build, kind.args[0], *arguments, kind.return_type), align=8)
+        array, i = arguments
+        return build.load(_address(context, build, kind.args[0], array, i, kind.return_type), align=8)
 
     @lower_builtin(load, types.Array, Places)
     def _load_places(context, build, kind, arguments):
@@ -548,7 +551,8 @@ if COMPILED:
 
     @lower_builtin(store, types.Array, types.intp, Wide)
     def _store(context, build, kind, arguments):
-        build.store(arguments[2], _address(context, build, kind.args[0], *arguments[:2], kind.args[2]), align=8)
+        array, i, x = arguments
+        build.store(x, _address(context, build, kind.args[0], array, i, kind.args[2]), align=8)
         return context.get_dummy_value()
 
     _typed(place, 1, lambda x: Places(x.lanes)(x) if isinstance(x, Wide) else None)
@@ -594,7 +598,7 @@ if COMPILED:
     @type_callable(operator.getitem)
     def _type_element(context):
         def typer(rows, at):
-            indices = tuple(at) if isinstance(at, types.BaseTuple) else (at,)
+            indices: Any = at if isinstance(at, types.BaseTuple) else (at,)
             array = rows.array if isinstance(rows, Rows) else rows
             differ = isinstance(rows, Rows) or any(isinstance(k, Places) for k in indices)
             if not (differ and isinstance(array, types.Array) and array.dtype == types.float64):
