@@ -142,7 +142,7 @@ def register(
         Whether a loaded memory gives way at rest (``rate`` is not zero), as a spring behind a damper does.
     wide : bool
         Whether the kernels take vectors of cars too (:mod:`steer_env.friction.numerics.simd`), so that rows of a batch
-        run side by side.
+        can run side by side.
     modes : callable, optional
         Parameters -> number of floats at the end of the memory that change in jumps (stick, slip), of rate zero.
     cut_back : ``(p, torque_scale, memory) -> None``, optional
