@@ -549,6 +549,7 @@ _TOGETHER = Law(
     units={},
     steepest_fall=_steepest_fall,
     relaxes=True,  # some of them do
+    wide=False,
     modes=lambda p: 0,
     permission=lambda p: {},
     extends="",

@@ -21,12 +21,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.friction import sites
+from steer_env.friction.law import law_of
 from steer_env.friction.level import Level
 from steer_env.friction.numerics import scratch
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.interpolation import hermite
-from steer_env.friction.numerics.kernel import kernel, part, plain
-from steer_env.friction.numerics.packing import of_row
+from steer_env.friction.numerics.kernel import COMPILED, kernel, part, plain
+from steer_env.friction.numerics.packing import common, of_row, of_rows
+from steer_env.friction.numerics.simd import any_of, apart, beside, unpack, where
 from steer_env.vehicle import chassis
 from steer_env.vehicle.chassis.common.interface import (
     ASSIST_REQUEST,
@@ -38,7 +40,7 @@ from steer_env.vehicle.chassis.common.interface import (
     Names,
 )
 from steer_env.vehicle.layout import layout, layout_of, size_of, states
-from steer_env.vehicle.steering import column, eps
+from steer_env.vehicle.steering import column, eps, motor
 from steer_env.vehicle.steering.assist import functions
 from steer_env.vehicle.steering.assist.functions import Signals
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
@@ -78,6 +80,7 @@ SETTLING, RUN_IN = 2 * STEPS_PER_CHASSIS_STEP, 5000  # samples before a drive, f
 STOP_STIFFNESS = 2e6  # of the end stops of the rack, assumed [N/m]
 
 
+@common("robot")
 class Plant(NamedTuple):
     """Everything that the kernels need; :func:`steer_env.vehicle.cars.Car.plant` builds it."""
 
@@ -157,15 +160,15 @@ def steer(p, state, hand, hand_speed, before, after, elapsed, force, h):
     """Advance column and motor by one step ``h`` under a mean rack force ``force`` [N]."""
     at = layout(p)
     x, heat, speed = state[at.assist : at.steps], state[at.motor : at.functions], state[column.COLUMN_SPEED]
-    motor = eps.motor_step(p.assist, x, heat, before, after, elapsed, speed, h)
-    T_C = motor - p.pinion_radius * force  # (P2)
+    T_m = eps.motor_step(p.assist, x, heat, before, after, elapsed, speed, h)
+    T_C = T_m - p.pinion_radius * force  # (P2)
     position = state[column.COLUMN_ANGLE] + 0.5 * h * state[column.COLUMN_SPEED]  # in the middle of the step
     state[at.hand_torque + 1] = state[at.hand_torque]
     state[at.friction_torque + 1] = state[at.friction_torque]
     _, _, T_F, T1 = column.step(
         p.column,
         p.friction,
-        sites.scales(p.friction, p.level, p.friction_torque_scale, force, position, motor),  # (F11), (F44)
+        sites.scales(p.friction, p.level, p.friction_torque_scale, force, position, T_m),  # (F11), (F44)
         state[at.column : at.assist],
         state[at.memory :],
         p.robot > 0.0,
@@ -216,8 +219,9 @@ def report_column(p, state, row):
     row[0] = state[column.HANDWHEEL_ANGLE]
     row[1] = state[column.HANDWHEEL_SPEED]
     # Step means are extrapolated to the end of the last step (N4); a prescribed hand torque is reported itself.
-    given = p.robot == 0.0 and p.column.K_arm == 0.0
-    row[2] = state[at.hand_torque] if given else 1.5 * state[at.hand_torque] - 0.5 * state[at.hand_torque + 1]
+    given = (p.robot == 0.0) & (p.column.K_arm == 0.0)
+    torque, before = state[at.hand_torque], state[at.hand_torque + 1]
+    row[2] = where(given, torque, 1.5 * torque - 0.5 * before)
     row[3] = state[column.COLUMN_ANGLE]
     row[4] = state[column.COLUMN_SPEED]
     row[5] = p.column.K_tb * (state[column.HANDWHEEL_ANGLE] - state[column.COLUMN_ANGLE])
@@ -297,7 +301,7 @@ def run(p, state, inputs, record, substeps):
                 hand, slope = hermite((j + 1) / substeps, start, hand, start_speed * T, hand_speed * T)
                 hand_speed = slope / T
             _step(p, state, hand, hand_speed, before, after, j * h, u, h)
-            if state[at.steps] == STEPS_PER_CHASSIS_STEP:
+            if any_of(state[at.steps] == STEPS_PER_CHASSIS_STEP):
                 evaluate(p, state, u)
                 state[at.steps] = 0.0
         if i <= last or i == inputs.shape[0] - 1:
@@ -305,8 +309,7 @@ def run(p, state, inputs, record, substeps):
             report_chassis(p, state, u, row[_OWN - 1 :])
     finite = True
     for value in state:
-        if not abs(value) < math.inf:
-            finite = False
+        finite = finite & (abs(value) < math.inf)
     return finite
 
 
@@ -332,6 +335,49 @@ def run_rows(template, rows, states, inputs, channels, finite, low, high):
     for i in range(low, high):
         p = of_row(template, rows, i)
         finite[i] = run(p, states[i], inputs[i], channels[i : i + 1], 1)
+
+
+@kernel
+def run_fours(template, common, rows, states, inputs, channels, finite, low, high):
+    """As :func:`run_rows`, to the bit, with four rows side by side as long as there are four that take one way.
+
+    ``common`` is what :func:`steer_env.friction.numerics.packing.common_columns` makes of a plant of their kind.
+    """
+    samples, size, taken, told = inputs.shape[1], states.shape[1], inputs.shape[2], channels.shape[1]
+    block, u, row = scratch.fours(1, size), scratch.fours(samples, taken), scratch.fours(1, told)
+    i = low
+    while i < high:
+        if i + 4 <= high and _one_way(template, common, rows, states, i):
+            beside(states, size, i, block)
+            beside(inputs, samples * taken, i, u)
+            sound = run(of_rows(template, rows, i), block[0], u, row, 1)
+            apart(block, size, i, states)
+            apart(row, told, i, channels)
+            for k, each in enumerate(unpack(where(sound, 1.0, 0.0))):
+                finite[i + k] = each == 1.0
+            i += 4
+        else:
+            finite[i] = run(of_row(template, rows, i), states[i], inputs[i], channels[i : i + 1], 1)
+            i += 1
+
+
+def side_by_side(p: Plant) -> bool:
+    """Whether rows of plants of this kind run side by side: every part of theirs has kernels that take vectors."""
+    plain_assist = isinstance(p.assist.functions, functions.NoFunctions) and isinstance(p.assist.motor, motor.NoMotor)
+    return COMPILED and plain_assist and law_of(p.friction).wide and chassis.chassis_of(p.chassis).wide
+
+
+@kernel
+def _one_way(template, common, rows, states, i):
+    """Whether four rows evaluate their chassis at the same steps and agree in the numbers on which branches depend."""
+    steps = layout(template).steps
+    same = True
+    for k in range(i + 1, i + 4):
+        same = same and states[k, steps] == states[i, steps]
+        for j in range(common.shape[0]):
+            for number in range(common[j, 0], common[j, 1]):
+                same = same & (rows[k, number] == rows[i, number])
+    return same
 
 
 @kernel

@@ -8,6 +8,7 @@ from numba import extending, types
 from numba.core import cgutils
 from numba.np.arrayobj import populate_array
 
+from steer_env.friction.numerics import simd
 from steer_env.friction.numerics.kernel import COMPILED
 
 _intrinsic: Any = extending.intrinsic
@@ -35,6 +36,31 @@ def _on_stack(typing_context, size):  # numba's form of a function that makes it
         return array._getvalue()
 
     return _FLOATS(size), generate
+
+
+@_intrinsic
+def fours(typing_context, rows, columns):
+    """For kernels: an array (rows, columns) of undefined numbers of four cars, whose sizes may be computed.
+
+    Not within a loop, in which the stack would grow.
+    """
+    block = types.Array(simd.FOUR, 2, "C", aligned=False)
+
+    def generate(context, builder, signature, arguments):
+        memory = builder.alloca(context.get_value_type(simd.FOUR), size=builder.mul(*arguments))
+        array = context.make_array(block)(context, builder)
+        itemsize = ir.Constant(ir.IntType(64), 8 * simd.FOUR.lanes)
+        populate_array(
+            array,
+            data=memory,
+            shape=arguments,
+            strides=[builder.mul(arguments[1], itemsize), itemsize],
+            itemsize=itemsize,
+            meminfo=None,
+        )
+        return array._getvalue()
+
+    return block(types.intp, types.intp), generate
 
 
 # For kernels: an array (size,) of undefined floats, ``size`` being a constant. No caller of a kernel may keep it.

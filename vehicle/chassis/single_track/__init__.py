@@ -107,4 +107,5 @@ register(
     speed=speed,
     state_size=state_size,
     output_size=output_size,
+    wide=True,
 )
