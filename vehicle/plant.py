@@ -21,14 +21,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.friction import sites
-from steer_env.friction.law import law_of
 from steer_env.friction.level import Level
 from steer_env.friction.numerics import scratch
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.interpolation import hermite
 from steer_env.friction.numerics.kernel import COMPILED, kernel, part, plain
 from steer_env.friction.numerics.packing import common, of_row, of_rows
-from steer_env.friction.numerics.simd import any_of, apart, beside, unpack, where
+from steer_env.friction.numerics.simd import any_of, apart, beside, pack, place, unpack, where
 from steer_env.vehicle import chassis
 from steer_env.vehicle.chassis.common.interface import (
     ASSIST_REQUEST,
@@ -339,44 +338,48 @@ def run_rows(template, rows, states, inputs, channels, finite, low, high):
 
 @kernel
 def run_fours(template, common, rows, states, inputs, channels, finite, low, high):
-    """As :func:`run_rows`, to the bit, with four rows side by side as long as there are four that take one way.
+    """As :func:`run_rows`, to the bit, with four rows side by side that take one way wherever there are four.
 
     ``common`` is what :func:`steer_env.friction.numerics.packing.common_columns` makes of a plant of their kind.
     """
     samples, size, taken, told = inputs.shape[1], states.shape[1], inputs.shape[2], channels.shape[1]
     block, u, row = scratch.fours(1, size), scratch.fours(samples, taken), scratch.fours(1, told)
-    i = low
-    while i < high:
-        if i + 4 <= high and _one_way(template, common, rows, states, i):
-            beside(states, size, i, block)
-            beside(inputs, samples * taken, i, u)
-            sound = run(of_rows(template, rows, i), block[0], u, row, 1)
-            apart(block, size, i, states)
-            apart(row, told, i, channels)
-            for k, each in enumerate(unpack(where(sound, 1.0, 0.0))):
-                finite[i + k] = each == 1.0
-            i += 4
-        else:
-            finite[i] = run(of_row(template, rows, i), states[i], inputs[i], channels[i : i + 1], 1)
-            i += 1
+    waits = scratch.fours(1, high - low)[0]
+    for i in range(low, high):
+        waits[i - low] = 1.0
+    lanes = pack(0.0, 1.0, 2.0, 3.0)
+    for i in range(low, high):
+        if any_of(waits[i - low] > 0.0):
+            four, found, k = place(lanes), 0, i
+            while k < high and found < 4:
+                if any_of(waits[k - low] > 0.0) and _one_way(template, common, rows, states, i, k):
+                    four = where(lanes >= found, k, four)  # lanes for which there is no row do what the last one does
+                    found += 1
+                    waits[k - low] = 0.0
+                k += 1
+            beside(states, size, four, block)
+            beside(inputs, samples * taken, four, u)
+            sound = run(of_rows(template, rows, four), block[0], u, row, 1)
+            apart(block, size, four, states)
+            apart(row, told, four, channels)
+            for k, each in zip(unpack(four), unpack(sound)):
+                finite[k] = each
 
 
 def side_by_side(p: Plant) -> bool:
     """Whether rows of plants of this kind run side by side: every part of theirs has kernels that take vectors."""
     plain_assist = isinstance(p.assist.functions, functions.NoFunctions) and isinstance(p.assist.motor, motor.NoMotor)
-    return COMPILED and plain_assist and law_of(p.friction).wide and chassis.chassis_of(p.chassis).wide
+    return COMPILED and plain_assist and sites.wide(p.friction) and chassis.chassis_of(p.chassis).wide
 
 
 @kernel
-def _one_way(template, common, rows, states, i):
-    """Whether four rows evaluate their chassis at the same steps and agree in the numbers on which branches depend."""
+def _one_way(template, common, rows, states, i, k):
+    """Whether two rows evaluate their chassis at the same steps and agree in the numbers on which branches depend."""
     steps = layout(template).steps
-    same = True
-    for k in range(i + 1, i + 4):
-        same = same and states[k, steps] == states[i, steps]
-        for j in range(common.shape[0]):
-            for number in range(common[j, 0], common[j, 1]):
-                same = same & (rows[k, number] == rows[i, number])
+    same = states[i, steps] == states[k, steps]
+    for j in range(common.shape[0]):
+        for number in range(common[j, 0], common[j, 1]):
+            same = same & (rows[i, number] == rows[k, number])
     return same
 
 

@@ -179,8 +179,8 @@ def _filled(value: Any, rest: Iterator[Leaf], row: Array) -> Any:
     return float(numbers[0]) if value is None else type(value)(numbers[0])
 
 
-def of_rows(template, rows, i):
-    """The parameters of four rows side by side, from row ``i``; in compiled code alone.
+def of_rows(template, rows, four):
+    """The parameters of four rows side by side, at the places ``four``; in compiled code alone.
 
     A float has a lane for each row, an array of floats becomes ``Rows``. What must be equal in all four
     (:func:`common_columns`) is that of the first.
@@ -259,16 +259,16 @@ def _beside_type(kind: Any, same: bool = False) -> Any:
 
 
 @_intrinsic
-def _of_rows(typing_context, template, rows, i):
+def _of_rows(typing_context, template, rows, four):
     """As :func:`_of_row`, with the numbers of four rows."""
 
     def generate(context, builder, signature, arguments):
         array = context.make_array(signature.args[1])(context, builder, arguments[1])
         stride = builder.extract_value(array.strides, 0)  # in bytes
         start = builder.bitcast(array.data, ir.IntType(8).as_pointer())
-        first = builder.mul(stride, arguments[2])
-        row = [builder.gep(start, [builder.add(first, builder.mul(stride, _index(k)))]) for k in range(4)]
-        next_number = [builder.bitcast(at, ir.DoubleType().as_pointer()) for at in row]
+        row = [builder.mul(stride, builder.extract_element(arguments[2], _index(k))) for k in range(4)]
+        next_number = [builder.bitcast(builder.gep(start, [at]), ir.DoubleType().as_pointer()) for at in row]
+        offsets = simd.gathered(builder, [builder.sub(at, row[0]) for at in row])
 
         def rebuilt(kind, value):
             nonlocal next_number
@@ -286,7 +286,7 @@ def _of_rows(typing_context, template, rows, i):
                 size = builder.udiv(builder.mul(array.nitems, array.itemsize), _index(8))
                 found = array._getvalue()
                 if isinstance(kind, simd.Rows):
-                    found = simd.rows_from(context, builder, kind, found, stride)
+                    found = simd.rows_from(context, builder, kind, found, offsets)
             elif kind == simd.FOUR:
                 found = simd.gathered(builder, [builder.load(each) for each in at])
             else:
@@ -297,7 +297,7 @@ def _of_rows(typing_context, template, rows, i):
         filled = rebuilt(signature.return_type, arguments[0])
         return impl_ret_borrowed(context, builder, signature.return_type, filled)
 
-    return _beside_type(template)(template, rows, types.intp), generate
+    return _beside_type(template)(template, rows, four), generate
 
 
 if COMPILED:
@@ -307,8 +307,8 @@ if COMPILED:
         return lambda template, rows, i: _of_row(template, rows, i)
 
     @extending.overload(of_rows, strict=False)
-    def _chosen_rows(template, rows, i):
-        return lambda template, rows, i: _of_rows(template, rows, i)
+    def _chosen_rows(template, rows, four):
+        return lambda template, rows, four: _of_rows(template, rows, four)
 
 
 class _Place(NamedTuple):

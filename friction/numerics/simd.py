@@ -83,36 +83,27 @@ def load(array: Any, i: Any) -> Any:
     return array.reshape(-1)[i : i + 4].copy()
 
 
-def store(array: Any, i: int, x: Any) -> None:
-    """Write a vector to four consecutive elements of a contiguous array, from ``i``."""
+def store(array: Any, i: Any, x: Any) -> None:
+    """Write a vector to four consecutive elements of a contiguous array, from ``i``; or to four for each car."""
     array.reshape(-1)[i : i + 4] = x
 
 
 @kernel
-def beside(array, size, i, block):
-    """Copy ``size`` numbers, at least four, of each of four rows of a contiguous array, from row ``i``, to a block."""
+def beside(array, size, rows, block):
+    """Copy ``size`` numbers, at least four, of each of four rows of a contiguous array to a block of vectors."""
     for k in range(0, size, 4):
         at = minimum(k, size - 4)  # the last four may be copied twice
-        rows = pack(
-            load(array, i * size + at),
-            load(array, (i + 1) * size + at),
-            load(array, (i + 2) * size + at),
-            load(array, (i + 3) * size + at),
-        )
-        a, b, c, d = unpack_cars(rows)
+        a, b, c, d = unpack_cars(load(array, rows * size + at))
         store(block, at, pack(a, b, c, d))
 
 
 @kernel
-def apart(block, size, i, array):
+def apart(block, size, rows, array):
     """The reverse of :func:`beside`."""
     for k in range(0, size, 4):
         at = minimum(k, size - 4)
         a, b, c, d = unpack_cars(load(block, at))
-        store(array, i * size + at, a)
-        store(array, (i + 1) * size + at, b)
-        store(array, (i + 2) * size + at, c)
-        store(array, (i + 3) * size + at, d)
+        store(array, rows * size + at, pack(a, b, c, d))
 
 
 def place(x: Any) -> Any:
@@ -421,8 +412,8 @@ if COMPILED:
     # Wheels and cars.
 
     def _quarter(x):
-        """The type of one wheel."""
-        return types.float64 if x.lanes == 4 else Wide(x.lanes // 4)
+        """The type of one wheel; of a vector of four cars that of a car."""
+        return _NUMBER[type(x)] if x.lanes == 4 else type(x)(x.lanes // 4)
 
     @type_callable(pack)
     def _type_pack(context):
@@ -455,9 +446,9 @@ if COMPILED:
         return context.make_tuple(build, kind, found)
 
     for _function in (unpack, unpack_cars):
-        _typed(_function, 1, lambda x: types.UniTuple(_quarter(x), 4)(x) if isinstance(x, Wide) else None)
+        _typed(_function, 1, lambda x: types.UniTuple(_quarter(x), 4)(x) if isinstance(x, _Lanes) else None)
 
-    @lower_builtin(unpack, Wide)
+    @lower_builtin(unpack, _Lanes)
     def _unpack(context, build, signature, arguments):
         n = signature.args[0].lanes // 4
         places = [range(k * n, k * n + n) for k in range(4)]
@@ -545,9 +536,19 @@ if COMPILED:
     def _type_store(context):
         def typer(array, i, x):
             four = _four_of(array)
+            if isinstance(i, Places):
+                return types.none(array, i, Wide(4 * i.lanes)) if four == FOUR else None
             return types.none(array, types.intp, four) if four else None
 
         return typer
+
+    @lower_builtin(store, types.Array, Places, Wide)
+    def _store_places(context, build, kind, arguments):
+        array, places, x = arguments
+        for lane, i in enumerate(_extract(build, places)):
+            part = _shuffle(range(4 * lane, 4 * lane + 4), build, x)
+            build.store(part, _address(context, build, kind.args[0], array, i, FOUR), align=8)
+        return context.get_dummy_value()
 
     @lower_builtin(store, types.Array, types.intp, Wide)
     def _store(context, build, kind, arguments):
@@ -566,7 +567,7 @@ if COMPILED:
     # Rows of numbers.
 
     class Rows(types.Type):
-        """Arrays of equal shape, one for each of four cars, a stride apart."""
+        """Arrays of equal shape, one for each of four cars."""
 
         def __init__(self, array):
             self.array = array
@@ -575,12 +576,12 @@ if COMPILED:
     @register_model(Rows)
     class _RowsModel(models.StructModel):
         def __init__(self, manager, kind):
-            super().__init__(manager, kind, [("first", kind.array), ("stride", types.intp)])
+            super().__init__(manager, kind, [("first", kind.array), ("offsets", Places(4))])
 
-    def rows_from(context: Any, build: Any, kind: Any, first_array: Any, stride: Any) -> Any:
-        """Rows from the array of the first car and the distance of the next one's [bytes]."""
+    def rows_from(context: Any, build: Any, kind: Any, first_array: Any, offsets: Any) -> Any:
+        """Rows from the array of the first car and the distance of that of each car from it [bytes]."""
         rows = cgutils.create_struct_proxy(kind)(context, build)
-        rows.first, rows.stride = first_array, stride
+        rows.first, rows.offsets = first_array, offsets
         return rows._getvalue()
 
     @infer_getattr
@@ -614,16 +615,15 @@ if COMPILED:
         kind, at = signature.args
         if isinstance(kind, Rows):
             rows = cgutils.create_struct_proxy(kind)(context, build, arguments[0])
-            array, apart_by = context.make_array(kind.array)(context, build, rows.first), rows.stride
+            array, offsets = context.make_array(kind.array)(context, build, rows.first), _extract(build, rows.offsets)
         else:  # one array for all cars
-            array, apart_by = context.make_array(kind)(context, build, arguments[0]), ir.Constant(_LONG, 0)
+            array, offsets = context.make_array(kind)(context, build, arguments[0]), [ir.Constant(_LONG, 0)] * 4
         several = isinstance(at, types.BaseTuple)
         given = cgutils.unpack_tuple(build, arguments[1]) if several else [arguments[1]]
         strides = cgutils.unpack_tuple(build, array.strides)
         start = build.bitcast(array.data, ir.IntType(8).as_pointer())
         found = []
-        for lane in range(4):
-            offset = build.mul(apart_by, ir.Constant(_LONG, lane))
+        for lane, offset in enumerate(offsets):
             for index, kind_of, stride in zip(given, at if several else [at], strides):
                 k = build.extract_element(index, ir.Constant(_INT, lane)) if isinstance(kind_of, Places) else index
                 offset = build.add(offset, build.mul(k, stride))

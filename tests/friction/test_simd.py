@@ -131,9 +131,10 @@ def of_a_car(grid, table, x, out):
 @kernel
 def of_four_cars(grid, table, x, out):
     cars, found = scratch.fours(1, x.shape[1]), scratch.fours(1, out.shape[1])
-    beside(x, x.shape[1], 0, cars)
+    rows = place(pack(2.0, 0.0, 3.0, 1.0))
+    beside(x, x.shape[1], rows, cars)
     of_a_car(grid, table, cars[0], found[0])
-    apart(found, out.shape[1], 0, out)
+    apart(found, out.shape[1], rows, out)
 
 
 @pytest.mark.skipif(not COMPILED, reason="cars run side by side in compiled code alone")

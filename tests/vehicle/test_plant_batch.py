@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from steer_env import friction
-from steer_env.friction import level
+from steer_env.friction import level, sites
 from steer_env.friction.numerics import packing
 from steer_env.friction.numerics.kernel import COMPILED
 from steer_env.vehicle import cars, plant, road
@@ -75,26 +75,34 @@ def test_rows_run_as_their_plants_alone(law, chassis):
         assert np.array_equal(row[0], channels[i])
 
 
-def seven_rows(law):
-    """Plants that differ in what a row may have of its own; the first is led by a robot, so that no group holds it."""
+def seven_rows(friction_text):
+    """Plants that differ in what a row may have of its own; two are led by robots, which no group holds with others."""
     kinds = [
         (0.0, {"F_c": 0.9}, 27.0, 1.0, {}),
         (250.0, {"F_c": 0.5}, 20.0, 0.7, {}),
-        (100.0, {"F_c": 1.4, **({"F_s": 1.6, "sigma_2": 0.5} if law == "lugre" else {})}, 33.0, 0.9, {}),
+        (
+            100.0,
+            {"F_c": 1.4, **({"F_s": 1.6, "sigma_2": 0.5} if friction_text.startswith("lugre") else {})},
+            33.0,
+            0.9,
+            {},
+        ),
         (0.0, {"F_c": 0.9}, 9.0, 0.3, {"asymmetry": 0.3, "load": 1e-4, "position": 0.2, "temperature_rate": 0.01}),
         (50.0, {"F_c": 1.1}, 25.0, 1.0, {}),
         (0.0, {"F_c": 0.2}, 60.0, 1.1, {"asymmetry": -0.2, "temperature_rise": 20.0}),
         (120.0, {"F_c": 2.0}, 30.0, 0.8, {}),
     ]
     for i, (load, keys, speed, mu, conditions) in enumerate(kinds):
-        p = CAR.loaded(load).plant(friction.make(law, **keys), speed=speed, road_friction=mu)
-        yield p._replace(level=level.Level(**conditions), robot=float(i == 0))
+        law, _, site = friction_text.partition("@")
+        made = sites.resolve({site: {"law": law, **keys}} if site else {"law": law, **keys})
+        p = CAR.loaded(load).plant(made, speed=speed, road_friction=mu)
+        yield p._replace(level=level.Level(**conditions), robot=float(i in (0, 3)))
 
 
 @pytest.mark.skipif(not COMPILED, reason="rows run side by side in compiled code alone")
-@pytest.mark.parametrize("law", ["lugre"])
+@pytest.mark.parametrize("law", ["lugre", "lugre@column_eps"])
 def test_four_rows_side_by_side_have_the_bits_of_each_alone(law):
-    """Whatever the others are: groups begin at any row, one fails, one has a robot, one sticks, one slides fast."""
+    """Whatever the others are: groups begin at any row, one fails, two have a robot, one sticks, one slides fast."""
     rng = np.random.default_rng(0)
     plants = list(seven_rows(law))
     states = np.array([plant.initial_state(p) for p in plants])
@@ -104,8 +112,8 @@ def test_four_rows_side_by_side_have_the_bits_of_each_alone(law):
     one, four = (tuple(map(np.copy, (states, channels, kept))) for _ in range(2))
     for k in range(40):
         inputs = rng.uniform(-1.0, 1.0, (7, 10, len(plant.INPUTS)))
-        inputs[:, :, plant.HAND] *= np.array([0.0, 6.0, 3.0, 8.0, 1e-3, 20.0, 4.0])[:, None]
-        inputs[0, :, plant.HAND_SPEED] = 0.0
+        inputs[:, :, plant.HAND] *= np.array([1e-3, 6.0, 3.0, 1e-2, 1e-3, 20.0, 4.0])[:, None]
+        inputs[[0, 3], :, plant.HAND_SPEED] = 0.0
         if k == 20:
             inputs[6, 3, plant.HAND] = np.nan
         plant.run_rows(outline, rows, one[0], inputs, *one[1:], 0, 7)

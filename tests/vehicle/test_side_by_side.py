@@ -8,7 +8,7 @@ from steer_env.friction.level import Level
 from steer_env.friction.numerics import packing, scratch
 from steer_env.friction.numerics.kernel import COMPILED, kernel
 from steer_env.friction.numerics.packing import of_row, of_rows
-from steer_env.friction.numerics.simd import apart, beside
+from steer_env.friction.numerics.simd import apart, beside, pack, place
 from steer_env.vehicle import cars, chassis
 from steer_env.vehicle.chassis.common.interface import INPUTS
 from steer_env.vehicle.chassis.single_track import STATES
@@ -43,10 +43,11 @@ def steer_alone(template, rows, states, u, n):
 def steer_fours(template, rows, states, u, n):
     s, given = scratch.fours(1, states.shape[1]), scratch.fours(u.shape[1], u.shape[2])
     for i in range(0, n, 4):
-        beside(states, states.shape[1], i, s)
-        beside(u, u.shape[1] * u.shape[2], i, given)
-        steer(of_rows(template, rows, i), s[0], given)
-        apart(s, states.shape[1], i, states)
+        four = place(pack(0.0, 1.0, 2.0, 3.0)) + i
+        beside(states, states.shape[1], four, s)
+        beside(u, u.shape[1] * u.shape[2], four, given)
+        steer(of_rows(template, rows, four), s[0], given)
+        apart(s, states.shape[1], four, states)
 
 
 @kernel
@@ -71,10 +72,11 @@ def roll_alone(template, rows, states, u, n):
 def roll_fours(template, rows, states, u, n):
     s, given = scratch.fours(1, states.shape[1]), scratch.fours(u.shape[1], u.shape[2])
     for i in range(0, n, 4):
-        beside(states, states.shape[1], i, s)
-        beside(u, u.shape[1] * u.shape[2], i, given)
-        roll(of_rows(template, rows, i), s[0], given)
-        apart(s, states.shape[1], i, states)
+        four = place(pack(0.0, 1.0, 2.0, 3.0)) + i
+        beside(states, states.shape[1], four, s)
+        beside(u, u.shape[1] * u.shape[2], four, given)
+        roll(of_rows(template, rows, four), s[0], given)
+        apart(s, states.shape[1], four, states)
 
 
 @pytest.mark.parametrize("law", ["lugre"])
