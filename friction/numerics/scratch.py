@@ -15,16 +15,14 @@ _intrinsic: Any = extending.intrinsic
 _FLOATS = types.Array(types.float64, 1, "C")
 
 
-@_intrinsic(prefer_literal=True)
-def _on_stack(typing_context, size):  # numba's form of a function that makes its own code
-    if not isinstance(size, types.IntegerLiteral):
-        return None
-    n = size.literal_value
+def _reserved(kind: types.Array, n: int) -> Any:
+    """What makes the code of an array of ``n`` undefined elements on the stack."""
 
     def generate(context, builder, signature, arguments):
-        memory = cgutils.alloca_once(builder, ir.ArrayType(ir.DoubleType(), n))
-        array = context.make_array(_FLOATS)(context, builder)
-        length, itemsize = (ir.Constant(ir.IntType(64), k) for k in (n, 8))
+        element = context.get_data_type(kind.dtype)
+        memory = cgutils.alloca_once(builder, ir.ArrayType(element, n))
+        array = context.make_array(kind)(context, builder)
+        length, itemsize = (ir.Constant(ir.IntType(64), k) for k in (n, context.get_abi_sizeof(element)))
         populate_array(
             array,
             data=builder.bitcast(memory, array.data.type),
@@ -35,7 +33,22 @@ def _on_stack(typing_context, size):  # numba's form of a function that makes it
         )
         return array._getvalue()
 
-    return _FLOATS(size), generate
+    return generate
+
+
+@_intrinsic(prefer_literal=True)
+def _on_stack(typing_context, size):  # numba's form of a function that makes its own code
+    if not isinstance(size, types.IntegerLiteral):
+        return None
+    return _FLOATS(size), _reserved(_FLOATS, size.literal_value)
+
+
+@_intrinsic(prefer_literal=True)
+def _on_stack_like(typing_context, x, size):
+    if not (isinstance(x, types.Array) and isinstance(size, types.IntegerLiteral)):
+        return None
+    kind = x.copy(ndim=1, layout="C")
+    return kind(x, size), _reserved(kind, size.literal_value)
 
 
 @_intrinsic
@@ -65,3 +78,5 @@ def fours(typing_context, rows, columns):
 
 # For kernels: an array (size,) of undefined floats, ``size`` being a constant. No caller of a kernel may keep it.
 floats: Any = _on_stack if COMPILED else np.empty
+# As ``floats``, (x, size), of numbers that are as wide as those of the array ``x``.
+like: Any = _on_stack_like if COMPILED else lambda x, size: np.empty(size)

@@ -170,7 +170,8 @@ class EnvironmentBatch:
         self._outline = outline(self._template)
         fours = self.n >= 4 and plant.side_by_side(self._template)
         self._advance = bind(advance_fours if fours else advance, a, at, self._outline, True, True, 0, self.n)
-        self._begin = bind(plant.begin_rows, self._outline, a.plants, a.states, np.zeros(self.n, int), 0, self.n)
+        begin = plant.begin_fours if fours else plant.begin_rows
+        self._begin = bind(begin, self._outline, a.plants, a.states, np.zeros(self.n, int), 0, self.n)
         self._evaluate = bind(evaluate, a, self._scores, at, self.task.parameters, 0, True, 0, self.n)
 
     def __getstate__(self) -> dict[str, Any]:

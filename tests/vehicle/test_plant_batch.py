@@ -110,6 +110,9 @@ def test_four_rows_side_by_side_have_the_bits_of_each_alone(law):
     channels, outline = np.zeros((7, len(plant.channels(plants[0])))), packing.outline(plants[0])
     kept = np.zeros(7, bool)
     one, four = (tuple(map(np.copy, (states, channels, kept))) for _ in range(2))
+    for begin, (begun, *_) in ((plant.begin_rows, one), (plant.begin_fours, four)):
+        begin(outline, rows, begun, np.zeros(7, int), 0, 7)
+    np.testing.assert_array_equal(four[0], one[0])
     for k in range(40):
         inputs = rng.uniform(-1.0, 1.0, (7, 10, len(plant.INPUTS)))
         inputs[:, :, plant.HAND] *= np.array([1e-3, 6.0, 3.0, 1e-2, 1e-3, 20.0, 4.0])[:, None]
