@@ -11,6 +11,7 @@ import math
 
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.kernel import kernel
+from steer_env.friction.numerics.simd import all_of, any_of, where
 
 
 @kernel
@@ -19,13 +20,34 @@ def decay(X):
 
     Below X = 0.1 the quotients cancel, so the Taylor series are used; eight terms leave an error below 1e-15.
     """
-    if X > 0.1:  # (F8)
-        E = math.exp(-X)
-        p1 = (1.0 - E) / X
-        p2 = (1.0 - p1) / X
-        d1 = (E - p1) / X
-        d2 = -(d1 + p2) / X
-        return E, p1, p2, d1, d2
+    far = X > 0.1
+    if all_of(far):
+        return _by_quotients(X)
+    near = _by_series(X)
+    if not any_of(far):
+        return near
+    E, p1, p2, d1, d2 = _by_quotients(X)
+    return (
+        where(far, E, near[0]),
+        where(far, p1, near[1]),
+        where(far, p2, near[2]),
+        where(far, d1, near[3]),
+        where(far, d2, near[4]),
+    )
+
+
+@kernel
+def _by_quotients(X):
+    E = math.exp(-X)  # (F8)
+    p1 = (1.0 - E) / X  # (F8)
+    p2 = (1.0 - p1) / X  # (F8)
+    d1 = (E - p1) / X
+    d2 = -(d1 + p2) / X
+    return E, p1, p2, d1, d2
+
+
+@kernel
+def _by_series(X):
     # p1 = sum (-X)^k/(k+1)!, p2 = sum (-X)^k/(k+2)!, in Horner form; the compiler folds quotients of constants
     Y = -X
     tail = 1 / 720 + Y * (1 / 5040 + Y * (1 / 40320 + Y * (1 / 362880 + Y * (1 / 3628800))))

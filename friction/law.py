@@ -19,6 +19,7 @@ from steer_env.friction import fitted_file, ode
 from steer_env.friction.numerics.check import constructed, read_number
 from steer_env.friction.numerics.kernel import dispatch, kernel
 from steer_env.friction.numerics.registry import Registry
+from steer_env.friction.numerics.simd import any_of, negated, where
 
 
 class Sliders(NamedTuple):
@@ -45,6 +46,7 @@ class Law(NamedTuple):
     units: Mapping[str, str]
     steepest_fall: Callable[[Any, float, float], float]  # of parameters, torque scale, step [N m s/rad]
     relaxes: bool
+    wide: bool
     modes: Callable[[Any], int]
     permission: Callable[[Any], Mapping[str, Any]]
     extends: str
@@ -94,6 +96,7 @@ def register(
     units: Mapping[str, str] | None = None,
     steepest_fall: Callable[[Any, float, float], float] | None = None,
     relaxes: bool = False,
+    wide: bool = False,
     modes: Callable[[Any], int] | None = None,
     cut_back: Callable | None = None,
     permission: Callable[[Any], Mapping[str, Any]] | None = None,
@@ -137,6 +140,9 @@ def register(
         by default. The step equation has one solution where ``S`` is larger; another plant is refused. No kernel.
     relaxes : bool
         Whether a loaded memory gives way at rest (``rate`` is not zero), as a spring behind a damper does.
+    wide : bool
+        Whether the kernels take vectors of cars too (:mod:`steer_env.friction.numerics.simd`), so that rows of a batch
+        can run side by side.
     modes : callable, optional
         Parameters -> number of floats at the end of the memory that change in jumps (stick, slip), of rate zero.
     cut_back : ``(p, torque_scale, memory) -> None``, optional
@@ -161,6 +167,7 @@ def register(
         units=dict(units or {}),
         steepest_fall=steepest_fall or (lambda p, torque_scale, h: 0.0),
         relaxes=relaxes,
+        wide=wide,
         rest_torque=_relaxing if relaxes else _resting,
         modes=modes or (lambda p: 0),
         permission=permission or (lambda p: {}),
@@ -389,33 +396,34 @@ def newton(p, torque_scale, memory, S, R, h, w_guess, rest):
     at zero cannot make it cycle.
     """
     excess = R - rest
-    if not 0.0 < abs(excess) < math.inf:
+    moves = (abs(excess) > 0.0) & (abs(excess) < math.inf)
+    if not any_of(moves):
         return excess  # zero, or a value that is not finite and must be passed on
-    side = 1.0 if excess > 0.0 else -1.0
+    side = where(excess > 0.0, 1.0, -1.0)
     low = 0.0
     high = -1.0  # negative while no upper end of the bracket is known
     s = side * w_guess
-    if s <= 0.0:
-        s = abs(excess) / (S + mean_torque(p, torque_scale, memory, side * 0.0, h)[1])
-        if not s > 0.0:
-            s = abs(excess) / S
+    if any_of(s <= 0.0):
+        first = abs(excess) / (S + mean_torque(p, torque_scale, memory, side * 0.0, h)[1])
+        s = where(s <= 0.0, where(first > 0.0, first, abs(excess) / S), s)
+    going = moves
     for _ in range(100):
         F, slope = mean_torque(p, torque_scale, memory, side * s, h)
         residual = side * (S * side * s + F - R)
-        if residual > 0.0:
-            high = s
-        else:
-            low = s
+        beyond = residual > 0.0
+        low, high = where(beyond, low, s), where(beyond, s, high)
         gradient = S + slope
-        new = s - residual / gradient if gradient > 0.0 else -1.0
-        if abs(new - s) <= 1e-9 * s:  # quadratic convergence: the step after this one would be below rounding
-            return side * new
-        if new <= low or (high > 0.0 and new >= high):
-            new = 0.5 * (low + high) if high > 0.0 else 2.0 * s
-            if high > 0.0 and not low < new < high:  # the bracket is down to neighbouring floats
-                break
-        s = new
-    return side * s
+        new = where(gradient > 0.0, s - residual / gradient, -1.0)
+        found = abs(new - s) <= 1e-9 * s  # quadratic convergence: the step after this one would be below rounding
+        bounded = high > 0.0
+        leaves = negated(found) & ((new <= low) | (bounded & (new >= high)))
+        middle = where(bounded, 0.5 * (low + high), 2.0 * s)
+        spent = leaves & bounded & negated((low < middle) & (middle < high))  # down to neighbouring floats
+        s = where(going & negated(spent), where(leaves, middle, new), s)
+        going = going & negated(found | spent)
+        if not any_of(going):
+            break
+    return where(moves, side * s, excess)
 
 
 @kernel

@@ -38,6 +38,7 @@ from steer_env.friction.law import advance, rest_torque, torque
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.check import not_negative, number, numbers
 from steer_env.friction.numerics.kernel import kernel, plain
+from steer_env.friction.numerics.simd import all_of, any_of, where
 
 
 class Level(NamedTuple):
@@ -60,6 +61,7 @@ class Scales(NamedTuple):
 
 
 MOST = 0.9  # of a relative increase, so that some friction is left where it decreases; assumed [1]
+UNCUT = 1e100  # scale with which no memory is cut back [1]
 LIMITS = {  # (low, high), so that both directions keep some friction and the exponential stays a moderate factor
     "asymmetry": (-MOST, MOST),  # [1]
     "temperature_rate": (-0.05, 0.05),  # [1/K]
@@ -110,9 +112,9 @@ def scales(level, base, load, x):
     """
     position, asymmetry = within(level.position, -MOST, MOST), within(level.asymmetry, -MOST, MOST)
     L = base * (1.0 + level.load * abs(load))  # (F11)
-    if position != 0.0:
+    if any_of(position != 0.0):
         L *= 1.0 + position * math.cos(level.order * (x - level.peak))  # (F11)
-    if level.temperature_rate != 0.0:
+    if any_of(level.temperature_rate != 0.0):
         L *= math.exp(-level.temperature_rate * level.temperature_rise)  # (F11)
     return Scales(L * (1.0 + asymmetry), L * (1.0 - asymmetry))  # (F11)
 
@@ -141,32 +143,35 @@ def chosen(p, scales, memory, R, h):
     h : float
         Step [s].
     """
-    positive, negative = scales.positive, scales.negative
-    if positive == negative:
-        return positive
+    if all_of(scales.positive == scales.negative):
+        return scales.positive
     held = held_scale(p, scales, memory)
     rest = rest_torque(p, held, memory, h)
-    if R == rest:
+    if all_of(R == rest):
         return held
-    return own_scale(p, scales, held, rest, memory, 1.0 if R > rest else -1.0, h)
+    own = own_scale(p, scales, held, rest, memory, where(R > rest, 1.0, -1.0), h)
+    return where(R == rest, held, own)
 
 
 @kernel
 def held_scale(p, scales, memory):
     """The scale with which a memory is loaded, which is cut back to what break-away allows with it."""
     positive, negative = scales.positive, scales.negative
-    if positive == negative:
+    if all_of(positive == negative):
         return positive
-    held = positive if positive > negative else negative
+    held = where(positive > negative, positive, negative)
     loaded = torque(p, held, memory, 0.0)
-    if loaded != 0.0:
-        held = positive if loaded > 0.0 else negative
-        advance(p, held, memory, 0.0, 0.0)  # no motion and no time: only the cut
+    cut = (loaded != 0.0) & (positive != negative)
+    if any_of(cut):
+        held = where(cut, where(loaded > 0.0, positive, negative), held)
+        advance(p, where(cut, held, UNCUT), memory, 0.0, 0.0)  # no motion and no time: only the cut
     return held
 
 
 @kernel
 def own_scale(p, scales, held, rest, memory, side, h):
     """The scale of a motion to a side, from the one held and the mean torque of a step at rest with it."""
-    own = scales.positive if side > 0.0 else scales.negative
-    return own if own == held or rest_torque(p, own, memory, h) == rest else held
+    own = where(side > 0.0, scales.positive, scales.negative)
+    if all_of(own == held):
+        return own
+    return where((own == held) | (rest_torque(p, own, memory, h) == rest), own, held)

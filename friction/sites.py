@@ -45,6 +45,7 @@ from steer_env.friction.level import make as make_level
 from steer_env.friction.level import scales as level_scales
 from steer_env.friction.numerics.check import constructed, not_negative, one_of
 from steer_env.friction.numerics.kernel import dispatch, kernel
+from steer_env.friction.numerics.simd import all_of, any_of, maximum, negated, where
 
 NOTHING = {"law": "viscous", "sigma_2": 0.0}
 ABOVE, BELOW = "upper_column", ("lower_column", "gear", "rack", "motor")
@@ -234,22 +235,33 @@ def _held_sum(p, scales, memory):
 def _moved(p, L, memory, S, R, h, guess, side):
     """The speed of a motion to a side, or rest where a set-valued law holds it."""
     start, _ = mean_torque(p, L, memory, side * 0.0, h)
-    return newton(p, L, memory, S, R, h, guess, start) if side * (R - start) > 0.0 else 0.0
+    return newton(p, L, memory, S, where(side * (R - start) > 0.0, R, start), h, guess, start)
 
 
 @kernel
 def _solved_sum(p, scales, held, rest, memory, S, R, h, guess):
     """The speed with ``S w`` + the torques below the bar = ``R``, and the scale of each site with which it is so."""
-    if R == rest:
-        return 0.0, held
-    side = 1.0 if R > rest else -1.0
+    still = R == rest
+    if all_of(still):
+        return R - rest, held
+    side = where(R > rest, 1.0, -1.0)
     L = Scaled(
         _own(p.lower_column, scales.lower_column, held.lower_column, memory, side, h),
         _own(p.gear, scales.gear, held.gear, memory, side, h),
         _own(p.rack, scales.rack, held.rack, memory, side, h),
         _own(p.motor, scales.motor, held.motor, memory, side, h),
     )
-    return _moved(p, L, memory, S, R, h, guess, side), L
+    return where(still, 0.0, _moved(p, L, memory, S, R, h, guess, side)), _each(still, held, L)
+
+
+@kernel
+def _each(condition, then, otherwise):
+    return Scaled(
+        where(condition, then.lower_column, otherwise.lower_column),
+        where(condition, then.gear, otherwise.gear),
+        where(condition, then.rack, otherwise.rack),
+        where(condition, then.motor, otherwise.motor),
+    )
 
 
 @kernel
@@ -262,17 +274,20 @@ def _joint(p, scales, memory, step, w1, w2):
     L = held
     scale = chosen(above, scales.upper_column, own, R1 + K * w2, h)  # (F11)
     w1 = solve(above, scale, own, a, R1 + K * w2, h, w1)  # (F43)
+    going = True
     for i in range(MOST_ROUNDS):
         # Above the bar, w1 + slope (w - w2) while the speed w below it is sought. A slope may lead to and fro across a
         # kink; without it the rounds converge by K^2/(a S).
         _, steep = mean_torque(above, scale, own, w1, h)
-        slope = K / (a + steep) if w1 != 0.0 and i < WITH_SLOPE else 0.0
-        w, L = _solved_sum(below, scales, held, rest, memory, S - K * slope, R2 + K * (w1 - slope * w2), h, w2)
+        slope = where((w1 != 0.0) & (i < WITH_SLOPE), K / (a + steep), 0.0)
+        w, taken = _solved_sum(below, scales, held, rest, memory, S - K * slope, R2 + K * (w1 - slope * w2), h, w2)
         expected = w1 + slope * (w - w2)
-        w2 = w
-        scale = chosen(above, scales.upper_column, own, R1 + K * w2, h)  # (F11)
-        w1 = solve(above, scale, own, a, R1 + K * w2, h, expected)
-        if K * abs(w1 - expected) <= CLOSE * (S * abs(w2) + abs(R2) + K * (abs(w1) + abs(R1) / a)):
+        L, w2 = _each(going, taken, L), where(going, w, w2)
+        scale = where(going, chosen(above, scales.upper_column, own, R1 + K * w2, h), scale)  # (F11)
+        w1 = where(going, solve(above, scale, own, a, R1 + K * w2, h, expected), w1)
+        close = K * abs(w1 - expected) <= CLOSE * (S * abs(w2) + abs(R2) + K * (abs(w1) + abs(R1) / a))
+        going = going & negated(close)
+        if not any_of(going):
             break
     advance(above, scale, own, w1, h)
     _advance_sum(below, L, memory, w2, h)
@@ -284,7 +299,7 @@ def _led(p, scales, memory, w1, S, R, h, w2):
     above, own = p.upper_column.law, memory[: p.upper_column.end]
     scale = chosen(above, scales.upper_column, own, math.copysign(math.inf, w1), h)  # (F11)
     moving, _ = mean_torque(above, scale, own, w1, h)
-    T_above = moving if w1 != 0.0 else rest_torque(above, scale, own, h)
+    T_above = where(w1 != 0.0, moving, rest_torque(above, scale, own, h))
     advance(above, scale, own, w1, h)
     below = Below(p.lower_column, p.gear, p.rack, p.motor)
     held = _held_sum(below, scales, memory)
@@ -297,14 +312,12 @@ def _led(p, scales, memory, w1, S, R, h, w2):
 def _site_scales(site, of_car, base, load, x, motor):
     """L_+ and L_- of a site (F44)."""
     own = level_scales(site.level, 1.0, load, x)  # (F11)
-    positive, negative = max(site.driving, 0.0), max(site.driven, 0.0)
-    if motor < 0.0:
-        positive, negative = negative, positive
-    grown = base * abs(motor)
+    driving, driven = maximum(site.driving, 0.0), maximum(site.driven, 0.0)
+    left, grown = motor >= 0.0, base * abs(motor)
     # A negative level, as of a parameter of an exported unit, would drive the steering.
     return Scales(
-        max(of_car.positive * own.positive, 0.0) + grown * positive,  # (F44)
-        max(of_car.negative * own.negative, 0.0) + grown * negative,  # (F44)
+        maximum(of_car.positive * own.positive, 0.0) + grown * where(left, driving, driven),  # (F44)
+        maximum(of_car.negative * own.negative, 0.0) + grown * where(left, driven, driving),  # (F44)
     )
 
 
@@ -392,7 +405,7 @@ def _advance_all(p, L, memory, w, h):
 @kernel
 def _solve_all(p, L, memory, S, R, h, w_guess):
     rest = _rest_all(p, L, memory, h)
-    return _moved(p, L, memory, S, R, h, w_guess, 1.0 if R > rest else -1.0) if R != rest else 0.0
+    return where(R != rest, _moved(p, L, memory, S, R, h, w_guess, where(R > rest, 1.0, -1.0)), 0.0)
 
 
 @kernel
@@ -549,6 +562,7 @@ _TOGETHER = Law(
     units={},
     steepest_fall=_steepest_fall,
     relaxes=True,  # some of them do
+    wide=True,  # where all of them are
     modes=lambda p: 0,
     permission=lambda p: {},
     extends="",
@@ -562,6 +576,11 @@ _TOGETHER = Law(
 )
 LAWS.know(Sites, _TOGETHER)
 LAWS.know(Below, _TOGETHER._replace(parameters=Below, mean_torque=_mean_sum))
+
+
+def wide(p: Any) -> bool:
+    """Whether a law, or those of all sites, have kernels that take vectors of cars too."""
+    return all(law_of(site.law).wide for site in p) if isinstance(p, Sites) else law_of(p).wide
 
 
 def falls(p: Any, conditions: Level, base: float, load: float, motor: float, h: float) -> tuple[float, float]:

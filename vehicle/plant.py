@@ -25,8 +25,9 @@ from steer_env.friction.level import Level
 from steer_env.friction.numerics import scratch
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.interpolation import hermite
-from steer_env.friction.numerics.kernel import kernel, part, plain
-from steer_env.friction.numerics.packing import of_row
+from steer_env.friction.numerics.kernel import COMPILED, kernel, part, plain
+from steer_env.friction.numerics.packing import common, of_row, of_rows
+from steer_env.friction.numerics.simd import any_of, apart, beside, broadcast, pack, place, unpack, where
 from steer_env.vehicle import chassis
 from steer_env.vehicle.chassis.common.interface import (
     ASSIST_REQUEST,
@@ -38,7 +39,7 @@ from steer_env.vehicle.chassis.common.interface import (
     Names,
 )
 from steer_env.vehicle.layout import layout, layout_of, size_of, states
-from steer_env.vehicle.steering import column, eps
+from steer_env.vehicle.steering import column, eps, motor
 from steer_env.vehicle.steering.assist import functions
 from steer_env.vehicle.steering.assist.functions import Signals
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
@@ -78,6 +79,7 @@ SETTLING, RUN_IN = 2 * STEPS_PER_CHASSIS_STEP, 5000  # samples before a drive, f
 STOP_STIFFNESS = 2e6  # of the end stops of the rack, assumed [N/m]
 
 
+@common("robot")
 class Plant(NamedTuple):
     """Everything that the kernels need; :func:`steer_env.vehicle.cars.Car.plant` builds it."""
 
@@ -157,15 +159,15 @@ def steer(p, state, hand, hand_speed, before, after, elapsed, force, h):
     """Advance column and motor by one step ``h`` under a mean rack force ``force`` [N]."""
     at = layout(p)
     x, heat, speed = state[at.assist : at.steps], state[at.motor : at.functions], state[column.COLUMN_SPEED]
-    motor = eps.motor_step(p.assist, x, heat, before, after, elapsed, speed, h)
-    T_C = motor - p.pinion_radius * force  # (P2)
+    T_m = eps.motor_step(p.assist, x, heat, before, after, elapsed, speed, h)
+    T_C = T_m - p.pinion_radius * force  # (P2)
     position = state[column.COLUMN_ANGLE] + 0.5 * h * state[column.COLUMN_SPEED]  # in the middle of the step
     state[at.hand_torque + 1] = state[at.hand_torque]
     state[at.friction_torque + 1] = state[at.friction_torque]
     _, _, T_F, T1 = column.step(
         p.column,
         p.friction,
-        sites.scales(p.friction, p.level, p.friction_torque_scale, force, position, motor),  # (F11), (F44)
+        sites.scales(p.friction, p.level, p.friction_torque_scale, force, position, T_m),  # (F11), (F44)
         state[at.column : at.assist],
         state[at.memory :],
         p.robot > 0.0,
@@ -216,8 +218,9 @@ def report_column(p, state, row):
     row[0] = state[column.HANDWHEEL_ANGLE]
     row[1] = state[column.HANDWHEEL_SPEED]
     # Step means are extrapolated to the end of the last step (N4); a prescribed hand torque is reported itself.
-    given = p.robot == 0.0 and p.column.K_arm == 0.0
-    row[2] = state[at.hand_torque] if given else 1.5 * state[at.hand_torque] - 0.5 * state[at.hand_torque + 1]
+    given = (p.robot == 0.0) & (p.column.K_arm == 0.0)
+    torque, before = state[at.hand_torque], state[at.hand_torque + 1]
+    row[2] = where(given, torque, 1.5 * torque - 0.5 * before)
     row[3] = state[column.COLUMN_ANGLE]
     row[4] = state[column.COLUMN_SPEED]
     row[5] = p.column.K_tb * (state[column.HANDWHEEL_ANGLE] - state[column.COLUMN_ANGLE])
@@ -252,7 +255,7 @@ def begin(p, state):
     for i in range(state.size):
         state[i] = 0.0
     straight = chassis.begin(p.chassis, p.strut, p.tyre[0], state[at.chassis : at.rate])
-    u = scratch.floats(_INPUTS)
+    u = scratch.like(state, _INPUTS)
     for i in range(u.size):
         u[i] = 0.0
     for _ in range(2):  # the last evaluation and the one before
@@ -297,7 +300,7 @@ def run(p, state, inputs, record, substeps):
                 hand, slope = hermite((j + 1) / substeps, start, hand, start_speed * T, hand_speed * T)
                 hand_speed = slope / T
             _step(p, state, hand, hand_speed, before, after, j * h, u, h)
-            if state[at.steps] == STEPS_PER_CHASSIS_STEP:
+            if any_of(state[at.steps] == STEPS_PER_CHASSIS_STEP):
                 evaluate(p, state, u)
                 state[at.steps] = 0.0
         if i <= last or i == inputs.shape[0] - 1:
@@ -305,8 +308,7 @@ def run(p, state, inputs, record, substeps):
             report_chassis(p, state, u, row[_OWN - 1 :])
     finite = True
     for value in state:
-        if not abs(value) < math.inf:
-            finite = False
+        finite = finite & (abs(value) < math.inf)
     return finite
 
 
@@ -335,10 +337,70 @@ def run_rows(template, rows, states, inputs, channels, finite, low, high):
 
 
 @kernel
+def run_fours(template, common, rows, states, inputs, channels, finite, low, high):
+    """As :func:`run_rows`, to the bit, with four rows side by side that take one way wherever there are four.
+
+    ``common`` is what :func:`steer_env.friction.numerics.packing.common_columns` makes of a plant of their kind.
+    """
+    samples, size, taken, told = inputs.shape[1], states.shape[1], inputs.shape[2], channels.shape[1]
+    block, u, row = scratch.fours(1, size), scratch.fours(samples, taken), scratch.fours(1, told)
+    waits = scratch.fours(1, high - low)[0]
+    for i in range(low, high):
+        waits[i - low] = 1.0
+    lanes = pack(0.0, 1.0, 2.0, 3.0)
+    for i in range(low, high):
+        if any_of(waits[i - low] > 0.0):
+            four, found, k = place(lanes), 0, i
+            while k < high and found < 4:
+                if any_of(waits[k - low] > 0.0) and _one_way(template, common, rows, states, i, k):
+                    four = where(lanes >= found, k, four)  # lanes for which there is no row do what the last one does
+                    found += 1
+                    waits[k - low] = 0.0
+                k += 1
+            beside(states, size, four, block)
+            beside(inputs, samples * taken, four, u)
+            sound = run(of_rows(template, rows, four), block[0], u, row, 1)
+            apart(block, size, four, states)
+            apart(row, told, four, channels)
+            for k, each in zip(unpack(four), unpack(sound)):
+                finite[k] = each
+
+
+def side_by_side(p: Plant) -> bool:
+    """Whether rows of plants of this kind run side by side: every part of theirs has kernels that take vectors."""
+    plain_assist = isinstance(p.assist.functions, functions.NoFunctions) and isinstance(p.assist.motor, motor.NoMotor)
+    return COMPILED and plain_assist and sites.wide(p.friction) and chassis.chassis_of(p.chassis).wide
+
+
+@kernel
+def _one_way(template, common, rows, states, i, k):
+    """Whether two rows evaluate their chassis at the same steps and agree in the numbers on which branches depend."""
+    steps = layout(template).steps
+    same = states[i, steps] == states[k, steps]
+    for j in range(common.shape[0]):
+        for number in range(common[j, 0], common[j, 1]):
+            same = same & (rows[i, number] == rows[k, number])
+    return same
+
+
+@kernel
 def begin_rows(template, rows, states, samples, low, high):
     """As :func:`begin`, of the plants of :func:`run_rows`, with the results in ``samples`` (N,)."""
     for i in range(low, high):
         samples[i] = begin(of_row(template, rows, i), states[i])
+
+
+@kernel
+def begin_fours(template, rows, states, samples, low, high):
+    """As :func:`begin_rows`, to the bit, with each row in all lanes.
+
+    It takes the time of a few samples; where rows run side by side, the chassis is thus compiled for vectors alone.
+    """
+    block = scratch.fours(1, states.shape[1])
+    for i in range(low, high):
+        four = place(broadcast(i))
+        samples[i] = begin(of_rows(template, rows, four), block[0])
+        apart(block, states.shape[1], four, states)
 
 
 def reported(p: Plant, state: NDArray[np.float64], u: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -27,7 +27,7 @@ from steer_env.friction.numerics import packing
 from steer_env.friction.numerics.check import constructed, number, one_of, positive
 from steer_env.friction.numerics.interpolation import hermite
 from steer_env.friction.numerics.kernel import dispatch, kernel
-from steer_env.vehicle.simd import broadcast, pack
+from steer_env.friction.numerics.simd import broadcast, pack
 
 LEFT, RIGHT = 0, 1
 HEIGHT, FRICTION = (-10.0, 10.0), (0.01, 2.0)  # bounds of heights [m] and of factors on the friction [1]

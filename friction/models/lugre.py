@@ -29,6 +29,7 @@ from steer_env.friction.bristle import decay, displaced, held
 from steer_env.friction.law import register
 from steer_env.friction.numerics.check import flag, not_negative, positive
 from steer_env.friction.numerics.kernel import kernel
+from steer_env.friction.numerics.simd import all_of
 
 
 class LuGre(NamedTuple):
@@ -96,7 +97,7 @@ def _active(p: LuGre) -> bool:
 @kernel
 def saturation(p, torque_scale, w):
     """Steady torque without the viscous part, G of (F4) [N m], and its derivative by speed [N m s/rad]."""
-    if p.F_s == p.F_c:
+    if all_of(p.F_s == p.F_c):
         return torque_scale * p.F_c, 0.0
     x = w / p.v_s
     bump = torque_scale * (p.F_s - p.F_c) * math.exp(-x * x)
@@ -173,6 +174,7 @@ register(
     mean_torque=mean_torque,
     fitted=("sigma_0", "F_c"),
     steepest_fall=steepest_fall,
+    wide=True,
     permission=lambda p: {"allow_active": True} if _active(p) else {},
     units={
         "sigma_0": "N m/rad",

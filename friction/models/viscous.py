@@ -52,5 +52,6 @@ register(
     mean_torque=mean_torque,
     solve=solve,
     fitted=("sigma_2",),
+    wide=True,
     units={"sigma_2": "N m s/rad"},
 )

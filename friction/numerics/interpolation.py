@@ -1,6 +1,8 @@
 """Interpolation as kernels: the cubic that meets values and slopes at both ends, and the cell of a grid."""
 
+from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.kernel import kernel
+from steer_env.friction.numerics.simd import any_of, where
 
 
 @kernel
@@ -30,12 +32,10 @@ def hermite(s, start, end, start_slope, end_slope):
 @kernel
 def bracket(grid, x):
     """Cell of an ascending grid that holds ``x``, and the position in it from 0 to 1; the nearest end outside."""
-    last = grid.size - 1
-    if x <= grid[0]:
-        return 0, 0.0
-    if x >= grid[last]:
-        return last - 1, 1.0
+    x = within(x, grid[0], grid[grid.size - 1])
     i = 0
-    while grid[i + 1] < x:
-        i += 1
+    further = grid[1] < x
+    while any_of(further):
+        i = where(further, i + 1, i)
+        further = grid[i + 1] < x
     return i, (x - grid[i]) / (grid[i + 1] - grid[i])

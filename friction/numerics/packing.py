@@ -19,18 +19,30 @@ from numba.extending import models, register_model
 from numba.np.arrayobj import populate_array
 from numpy.typing import NDArray
 
+from steer_env.friction.numerics import simd
 from steer_env.friction.numerics.kernel import COMPILED
 
 Array = NDArray[np.float64]
 Class = TypeVar("Class", bound=type)
 _intrinsic: Any = extending.intrinsic  # whose first argument no caller gives
 _shared: set[type] = set()
+_common: dict[type, tuple[str, ...]] = {}
 
 
 def shared(kind: Class) -> Class:
     """Mark a class of parameters as tables."""
     _shared.add(kind)
     return kind
+
+
+def common(*fields: str) -> Callable[[Class], Class]:
+    """Mark numbers of a class that must be equal in rows side by side (:func:`of_rows`): branches depend on them."""
+
+    def marked(kind: Class) -> Class:
+        _common[kind] = fields
+        return kind
+
+    return marked
 
 
 class Leaf(NamedTuple):
@@ -119,6 +131,22 @@ def slices(parameters: Any) -> dict[str, slice]:
     return {".".join(leaf.path): slice(leaf.start, leaf.start + leaf.size) for leaf in numbers}
 
 
+def common_columns(parameters: Any) -> NDArray[np.int64]:
+    """Where the numbers (N,) stand that must be equal in rows side by side: (R, 2) first and last + 1 of each run.
+
+    They are the whole numbers, the records, and what :func:`common` marks.
+    """
+    found: list[list[int]] = [[0, 0]]
+    for leaf in leaves(parameters):
+        structured = np.ndim(leaf.value) and np.asarray(leaf.value).dtype != np.float64
+        marked = leaf.path[-1] in _common.get(leaf.owner or object, ())
+        if not leaf.table and (structured or marked or isinstance(leaf.value, int)):
+            if found[-1][1] != leaf.start:
+                found.append([leaf.start, leaf.start])
+            found[-1][1] = leaf.start + leaf.size
+    return np.array(found)
+
+
 def outline(parameters: Any) -> Any:
     """The parameters with None for every float among the numbers: a template for :func:`of_row`.
 
@@ -149,6 +177,15 @@ def _filled(value: Any, rest: Iterator[Leaf], row: Array) -> Any:
     if np.ndim(value):
         return numbers.view(value.dtype).reshape(value.shape).view(type(value))
     return float(numbers[0]) if value is None else type(value)(numbers[0])
+
+
+def of_rows(template, rows, four):
+    """The parameters of four rows side by side, at the places ``four``; in compiled code alone.
+
+    A float has a lane for each row, an array of floats becomes ``Rows``. What must be equal in all four
+    (:func:`common_columns`) is that of the first.
+    """
+    raise NotImplementedError
 
 
 # Compiled code.
@@ -204,11 +241,74 @@ def _of_row(typing_context, template, rows, i):  # numba's form of a function th
     return _filled_type(template)(template, rows, types.intp), generate
 
 
+def _beside_type(kind: Any, same: bool = False) -> Any:
+    """The numba type of what :func:`of_rows` makes of a template; ``same`` where all rows have one value."""
+    if isinstance(kind, types.BaseTuple):
+        made_of = getattr(kind, "instance_class", None)
+        if made_of in _shared:
+            return kind
+        names, marked = getattr(kind, "fields", range(len(kind))), _common.get(made_of or object, ())
+        members = [_beside_type(member, name in marked) for name, member in zip(names, kind)]  # type: ignore[call-overload]
+        return types.BaseTuple.from_types(members, made_of)
+    number = types.float64 if kind == types.none else kind
+    if same:
+        return number
+    if isinstance(number, types.Array) and number.dtype == types.float64:
+        return simd.Rows(number)
+    return simd.FOUR if isinstance(number, types.Float) else number
+
+
+@_intrinsic
+def _of_rows(typing_context, template, rows, four):
+    """As :func:`_of_row`, with the numbers of four rows."""
+
+    def generate(context, builder, signature, arguments):
+        array = context.make_array(signature.args[1])(context, builder, arguments[1])
+        stride = builder.extract_value(array.strides, 0)  # in bytes
+        start = builder.bitcast(array.data, ir.IntType(8).as_pointer())
+        row = [builder.mul(stride, builder.extract_element(arguments[2], _index(k))) for k in range(4)]
+        next_number = [builder.bitcast(builder.gep(start, [at]), ir.DoubleType().as_pointer()) for at in row]
+        offsets = simd.gathered(builder, [builder.sub(at, row[0]) for at in row])
+
+        def rebuilt(kind, value):
+            nonlocal next_number
+            if isinstance(kind, types.BaseTuple):
+                if getattr(kind, "instance_class", None) in _shared:
+                    return value
+                kinds: Any = kind  # numba declares no members
+                members = [rebuilt(member, builder.extract_value(value, k)) for k, member in enumerate(kinds)]
+                return context.make_tuple(builder, kind, members)
+            at, size = next_number, _index(1)
+            one = kind.array if isinstance(kind, simd.Rows) else kind
+            if isinstance(one, types.Array):
+                array = context.make_array(one)(context, builder, value)
+                array.data = builder.bitcast(at[0], array.data.type)
+                size = builder.udiv(builder.mul(array.nitems, array.itemsize), _index(8))
+                found = array._getvalue()
+                if isinstance(kind, simd.Rows):
+                    found = simd.rows_from(context, builder, kind, found, offsets)
+            elif kind == simd.FOUR:
+                found = simd.gathered(builder, [builder.load(each) for each in at])
+            else:
+                found = context.cast(builder, builder.load(at[0]), types.float64, kind)
+            next_number = [builder.gep(each, [size]) for each in at]
+            return found
+
+        filled = rebuilt(signature.return_type, arguments[0])
+        return impl_ret_borrowed(context, builder, signature.return_type, filled)
+
+    return _beside_type(template)(template, rows, four), generate
+
+
 if COMPILED:
 
     @extending.overload(of_row, strict=False)
     def _chosen(template, rows, i):
         return lambda template, rows, i: _of_row(template, rows, i)
+
+    @extending.overload(of_rows, strict=False)
+    def _chosen_rows(template, rows, four):
+        return lambda template, rows, four: _of_rows(template, rows, four)
 
 
 class _Place(NamedTuple):

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.friction.numerics.packing import numbers, slices
+from steer_env.friction.numerics.packing import common_columns, numbers, slices
 from steer_env.tasks.common.definition import COST_LIMIT, Task, by_name
 from steer_env.vehicle import plant
 from steer_env.vehicle.chassis.common.interface import INPUTS
@@ -81,6 +81,7 @@ class BatchLayout(NamedTuple):
     action_input: int  # place among the plant's inputs
     action_scale: float  # value of that input at action 1 [its unit]
     ramped: bool  # whether the action goes on a straight line from the last one, else it is held
+    common: NDArray[np.int64]  # (R, 2) numbers of the plants that must be equal in rows side by side
     robot: int  # place of the plant's parameter ``robot`` among its numbers
     speed_channel: int  # place of the forward speed among the channels; -1 where the speed is held
     n_rewards: int  # the first terms are of the reward, the others of the cost
@@ -154,6 +155,7 @@ def layout(
         action_input=task.action.input,
         action_scale=task.action.scale,
         ramped=task.action.ramped,
+        common=common_columns(template),
         robot=slices(template)["robot"].start,
         speed_channel=names.index("longitudinal_speed") if "longitudinal_speed" in names else -1,
         n_rewards=len(task.rewards),

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from steer_env import drivers
 from steer_env.engine.arrays import EPISODE, allocate, layout, scores, stored
-from steer_env.engine.kernels import advance, evaluate
+from steer_env.engine.kernels import advance, advance_fours, evaluate
 from steer_env.engine.sensor_noise import SensorNoise
 from steer_env.episode.randomise import LIMITS, RANGES, SENSOR_NOISE, Conditions, Randomise, with_level
 from steer_env.episode.timing import SAMPLES_PER_UPDATE
@@ -168,8 +168,10 @@ class EnvironmentBatch:
         """Look up the compiled kernels for the types of the arrays."""
         a, at = self.arrays, self._layout
         self._outline = outline(self._template)
-        self._advance = bind(advance, a, at, self._outline, True, True, 0, self.n)
-        self._begin = bind(plant.begin_rows, self._outline, a.plants, a.states, np.zeros(self.n, int), 0, self.n)
+        fours = self.n >= 4 and plant.side_by_side(self._template)
+        self._advance = bind(advance_fours if fours else advance, a, at, self._outline, True, True, 0, self.n)
+        begin = plant.begin_fours if fours else plant.begin_rows
+        self._begin = bind(begin, self._outline, a.plants, a.states, np.zeros(self.n, int), 0, self.n)
         self._evaluate = bind(evaluate, a, self._scores, at, self.task.parameters, 0, True, 0, self.n)
 
     def __getstate__(self) -> dict[str, Any]:

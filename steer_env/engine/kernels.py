@@ -37,6 +37,16 @@ def advance(arrays, layout, template, fills, begins, low, high):
 
 
 @kernel
+def advance_fours(arrays, layout, template, fills, begins, low, high):
+    """As :func:`advance`, to the bit, with rows side by side (:func:`steer_env.vehicle.plant.run_fours`)."""
+    if fills:
+        _fill_inputs(arrays, layout, begins, low, high)
+    plant.run_fours(
+        template, layout.common, arrays.plants, arrays.states, arrays.inputs, arrays.channels, arrays.finite, low, high
+    )  # fmt: skip
+
+
+@kernel
 def _fill_inputs(arrays, layout, begins, low, high):
     """Fill the plant's inputs for the coming samples; the first call of a control step (``begins``) takes the action.
 

@@ -271,6 +271,28 @@ def test_rows_of_every_block_are_those_of_single_environments(threads):
         assert np.array_equal([each[i] for each in seen], expected)
 
 
+@pytest.mark.parametrize("threads", [1, 2])
+def test_rows_that_begin_anew_have_their_bits_beside_others(threads):
+    """Robots and released handwheels in one batch, which do not go side by side, in groups that change with resets."""
+    n, name, arguments = 7, "steer_env/AssistRelease-v4", {"randomise": RANDOM, "control_dt": 0.05}
+    vector = make(name, n=n, threads=threads, autoreset_mode=AutoresetMode.DISABLED, **arguments)
+    single, rng = [gym.make(name, **arguments) for _ in range(n)], np.random.default_rng(0)
+    observations, _ = vector.reset(seed=0)
+    for i, env in enumerate(single):
+        assert np.array_equal(env.reset(seed=i)[0], observations[i])
+    for k in range(95):
+        begun = k // 15 if k % 15 == 5 else n
+        if begun < n:
+            observations, _ = vector.reset(options={"reset_mask": np.arange(n) == begun})
+            assert np.array_equal(single[begun].reset()[0], observations[begun])
+        actions = rng.uniform(-0.4, 0.4, (n, 1)).astype(np.float32)
+        observations, rewards, *_ = vector.step(actions)
+        for i, env in enumerate(single):
+            observation, reward, *_ = env.step(actions[i])
+            assert np.array_equal(observation, observations[i])
+            assert reward == rewards[i]
+
+
 def test_a_thousand_sub_environments():
     vector = gym.make_vec(WEAVE, num_envs=1024, friction="masing")
     vector.reset(seed=0)

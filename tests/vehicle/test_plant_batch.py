@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from steer_env import friction
+from steer_env.friction import level, sites
 from steer_env.friction.numerics import packing
+from steer_env.friction.numerics.kernel import COMPILED
 from steer_env.vehicle import cars, plant, road
 from tests.by_law import EACH_LAW
 
@@ -71,3 +73,55 @@ def test_rows_run_as_their_plants_alone(law, chassis):
             plant.run(plants[i], state, inputs[i], row, 1)
         assert np.array_equal(state, states[i])
         assert np.array_equal(row[0], channels[i])
+
+
+def seven_rows(friction_text):
+    """Plants that differ in what a row may have of its own; two are led by robots, which no group holds with others."""
+    kinds = [
+        (0.0, {"F_c": 0.9}, 27.0, 1.0, {}),
+        (250.0, {"F_c": 0.5}, 20.0, 0.7, {}),
+        (
+            100.0,
+            {"F_c": 1.4, **({"F_s": 1.6, "sigma_2": 0.5} if friction_text.startswith("lugre") else {})},
+            33.0,
+            0.9,
+            {},
+        ),
+        (0.0, {"F_c": 0.9}, 9.0, 0.3, {"asymmetry": 0.3, "load": 1e-4, "position": 0.2, "temperature_rate": 0.01}),
+        (50.0, {"F_c": 1.1}, 25.0, 1.0, {}),
+        (0.0, {"F_c": 0.2}, 60.0, 1.1, {"asymmetry": -0.2, "temperature_rise": 20.0}),
+        (120.0, {"F_c": 2.0}, 30.0, 0.8, {}),
+    ]
+    for i, (load, keys, speed, mu, conditions) in enumerate(kinds):
+        law, _, site = friction_text.partition("@")
+        made = sites.resolve({site: {"law": law, **keys}} if site else {"law": law, **keys})
+        p = CAR.loaded(load).plant(made, speed=speed, road_friction=mu)
+        yield p._replace(level=level.Level(**conditions), robot=float(i in (0, 3)))
+
+
+@pytest.mark.skipif(not COMPILED, reason="rows run side by side in compiled code alone")
+@pytest.mark.parametrize("law", ["lugre", "lugre@column_eps"])
+def test_four_rows_side_by_side_have_the_bits_of_each_alone(law):
+    """Whatever the others are: groups begin at any row, one fails, two have a robot, one sticks, one slides fast."""
+    rng = np.random.default_rng(0)
+    plants = list(seven_rows(law))
+    states = np.array([plant.initial_state(p) for p in plants])
+    rows, common = np.array([packing.numbers(p) for p in plants]), packing.common_columns(plants[0])
+    channels, outline = np.zeros((7, len(plant.channels(plants[0])))), packing.outline(plants[0])
+    kept = np.zeros(7, bool)
+    one, four = (tuple(map(np.copy, (states, channels, kept))) for _ in range(2))
+    for begin, (begun, *_) in ((plant.begin_rows, one), (plant.begin_fours, four)):
+        begin(outline, rows, begun, np.zeros(7, int), 0, 7)
+    np.testing.assert_array_equal(four[0], one[0])
+    for k in range(40):
+        inputs = rng.uniform(-1.0, 1.0, (7, 10, len(plant.INPUTS)))
+        inputs[:, :, plant.HAND] *= np.array([1e-3, 6.0, 3.0, 1e-2, 1e-3, 20.0, 4.0])[:, None]
+        inputs[[0, 3], :, plant.HAND_SPEED] = 0.0
+        if k == 20:
+            inputs[6, 3, plant.HAND] = np.nan
+        plant.run_rows(outline, rows, one[0], inputs, *one[1:], 0, 7)
+        for low, high in ((0, 3), (3, 7)) if k % 2 else ((0, 1), (1, 7)):
+            plant.run_fours(outline, common, rows, four[0], inputs, *four[1:], low, high)
+        for alone, beside in zip(one, four):
+            np.testing.assert_array_equal(beside, alone)
+    assert one[2].tolist() == [True] * 6 + [False]

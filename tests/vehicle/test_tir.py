@@ -18,8 +18,8 @@ import pytest
 from numpy import abs, arccos, arctan, cos, exp, pi, sign, sin, sqrt, tan
 
 from steer_env.friction.numerics.kernel import kernel
+from steer_env.friction.numerics.simd import broadcast, first, load, store
 from steer_env.vehicle import cars, tyre
-from steer_env.vehicle.simd import broadcast, first, load, store
 from steer_env.vehicle.tyre import tir
 from steer_env.vehicle.tyre.magic_formula import forces_of_four
 from tests.vehicle.oracles import TYRE_FORCES

@@ -21,6 +21,7 @@ from typing import NamedTuple
 
 from steer_env.friction import sites
 from steer_env.friction.numerics.kernel import kernel
+from steer_env.friction.numerics.simd import where
 from steer_env.vehicle.keys import checked
 
 STATES = (
@@ -135,10 +136,10 @@ def step(c, friction, scales, q, memory, robot, hand, hand_speed, T_C, h):
         # (C3) over a step
         T1 = hand - c.I_arm * change / h - c.C_arm * w1 - c.K_arm * (q[HANDWHEEL_ANGLE] + 0.5 * h * w1)
         q[HANDWHEEL_ANGLE] += h * w1
-        q[HANDWHEEL_SPEED] = 2.0 * w1 - q[HANDWHEEL_SPEED] if w1 != 0.0 else 0.0
+        q[HANDWHEEL_SPEED] = where(w1 != 0.0, 2.0 * w1 - q[HANDWHEEL_SPEED], 0.0)
     # A sticking contact is at rest at the end of the step and dissipates the remaining momentum (C8).
     q[COLUMN_ANGLE] += h * w2
-    q[COLUMN_SPEED] = 2.0 * w2 - q[COLUMN_SPEED] if w2 != 0.0 else 0.0
+    q[COLUMN_SPEED] = where(w2 != 0.0, 2.0 * w2 - q[COLUMN_SPEED], 0.0)
     return w1, w2, T_F, T1
 
 

@@ -24,6 +24,7 @@ from steer_env.friction.numerics.check import number
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.interpolation import bracket
 from steer_env.friction.numerics.kernel import kernel
+from steer_env.friction.numerics.simd import any_of
 from steer_env.vehicle.keys import checked
 from steer_env.vehicle.steering import motor
 from steer_env.vehicle.steering.assist import damping as damping_law
@@ -260,7 +261,7 @@ def motor_step(a, x, heat, before, after, elapsed, speed, h):
     rest = h - first
     lost = -math.expm1(-a.bandwidth * first)
     impulse = _follow(a, x, before, first, lost)
-    if rest != first:  # the default offset splits the step into equal halves
+    if any_of(rest != first):  # the default offset splits the step into equal halves
         lost = -math.expm1(-a.bandwidth * rest)
     mean = (impulse + _follow(a, x, after, rest, lost)) / h  # (E5)
     motor.warm(a.motor, heat, mean, h)

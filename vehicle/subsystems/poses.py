@@ -10,12 +10,12 @@ import numpy as np
 
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.friction.numerics.packing import at_addresses
+from steer_env.friction.numerics.simd import load, store
 from steer_env.vehicle.chassis.common.interface import per_wheel
 from steer_env.vehicle.chassis.two_track import CHANNELS, YAW, TwoTrack, X, Y, Z
 from steer_env.vehicle.chassis.two_track.rotation import rotation, to_road
 from steer_env.vehicle.chassis.two_track.suspension import carriers, per_axle, sides
 from steer_env.vehicle.layout import layout
-from steer_env.vehicle.simd import load, store
 from steer_env.vehicle.steering.column import COLUMN_ANGLE
 from steer_env.vehicle.subsystems.subsystem import Subsystem, channel_signals
 

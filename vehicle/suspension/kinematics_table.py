@@ -5,16 +5,16 @@ Beyond the range of the table the values at its edge hold. A linear extrapolatio
 where no pose exists, and the end stops of a car are inside the range.
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.friction.numerics import packing
+from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.kernel import kernel, plain
-from steer_env.vehicle.simd import load, unpack
+from steer_env.friction.numerics.simd import floor, load, minimum, place, spread, unpack_cars, where
 from steer_env.vehicle.suspension.macpherson import MacPherson, load_coefficients
 
 
@@ -143,12 +143,9 @@ def _basis(cells: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 @kernel
 def _cell(u, cells):
     """Cell that holds u (counted in cells) and the position in it, 0..1; the edge beyond the range, NaN for NaN."""
-    if u >= cells:
-        return cells - 1, 1.0
-    if u > 0.0:
-        cell = math.floor(u)
-        return cell, u - cell
-    return 0, (0.0 if u <= 0.0 else u)
+    u = within(u, 0.0, cells)
+    cell = minimum(floor(where(u > 0.0, u, 0.0)), cells - 1.0)
+    return place(cell), u - cell
 
 
 @kernel
@@ -190,7 +187,7 @@ def _place(m, rack, travel):
     """First spline and the weights of four, along rack and travel."""
     i, u = _cell((rack - m.rack_min) * m.rack_cells_per_metre, m.table.shape[0] - 3)
     j, v = _cell((travel - m.travel_min) * m.travel_cells_per_metre, m.table.shape[1] - 3)
-    return i, j, _weights(u), _weights(v)
+    return i, j, _weights(spread(u)), _weights(spread(v))
 
 
 @kernel
@@ -198,8 +195,8 @@ def left(m, rack, travel):
     """The left wheel: ``Knuckle`` at rack [m] and its travel [m]."""
     i, j, r, t = _place(m, rack, travel)
     k = i - i  # not a literal, for which numba would compile the patch once for each value
-    steer, inclination, F_x_contact, F_x_centre = unpack(_patch(m.table, i, j, k, r, t))
-    F_y, F_z, M_x, M_z = unpack(_patch(m.table, i, j, k + 4, r, t))
+    steer, inclination, F_x_contact, F_x_centre = unpack_cars(_patch(m.table, i, j, k, r, t))
+    F_y, F_z, M_x, M_z = unpack_cars(_patch(m.table, i, j, k + 4, r, t))
     return Knuckle(steer, inclination, F_x_contact, F_x_centre, F_y, F_z, M_x, M_z)
 
 
@@ -208,8 +205,8 @@ def left_travel(m, rack, travel):
     """The left wheel: ``Travel`` at rack [m] and its travel [m]."""
     i, j, r, t = _place(m, rack, travel)
     k = i - i
-    centre_x, contact_y, roll, pitch = unpack(_patch(m.table, i, j, k + 8, r, t))
-    _, _, compression, compression_rate = unpack(_patch(m.table, i, j, k + 10, r, t))
+    centre_x, contact_y, roll, pitch = unpack_cars(_patch(m.table, i, j, k + 8, r, t))
+    _, _, compression, compression_rate = unpack_cars(_patch(m.table, i, j, k + 10, r, t))
     return Travel(centre_x, contact_y, roll, pitch, compression, compression_rate)
 
 

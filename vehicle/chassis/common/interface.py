@@ -143,6 +143,7 @@ class Chassis(NamedTuple):
     state_size: Callable
     output_size: Callable
     meanings: Mapping[str, str] = {}
+    wide: bool = False
 
 
 CHASSIS: Registry[Chassis] = Registry("chassis", "steer_env.vehicle.chassis")
@@ -178,6 +179,8 @@ def register(name: str, parameters: type, **fields: Any) -> None:
         Constants of the class, so that the plant's layout is known at compile time.
     meanings : mapping, optional
         What the channels beyond the common ones are and where they are positive, as in ``COMMON_MEANINGS``.
+    wide : bool, optional
+        Whether the kernels take vectors of cars too (:mod:`steer_env.friction.numerics.simd`).
     """
     chassis = Chassis(name, parameters, **fields)
     CHASSIS.register(name, chassis, parameters)

@@ -79,7 +79,7 @@ def begin(p, strut, tyre, x):
     Each pass solves the lags of slips and drive force exactly for the forces of the pass before, which hardly depend on
     the drive force.
     """
-    dx, out, u = scratch.floats(_STATE_SIZE), scratch.floats(_OUTPUT_SIZE), scratch.floats(_INPUT_SIZE)
+    dx, out, u = scratch.like(x, _STATE_SIZE), scratch.like(x, _OUTPUT_SIZE), scratch.like(x, _INPUT_SIZE)
     for i in range(_STATE_SIZE):
         x[i] = 0.0
     for i in range(_INPUT_SIZE):
@@ -107,4 +107,5 @@ register(
     speed=speed,
     state_size=state_size,
     output_size=output_size,
+    wide=True,
 )

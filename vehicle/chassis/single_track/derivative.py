@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.kernel import kernel, part
+from steer_env.friction.numerics.simd import broadcast, load, pack, unpack
 from steer_env.vehicle import tyre
 from steer_env.vehicle.chassis.common.interface import WIND_FORCE, WIND_MOMENT
 from steer_env.vehicle.chassis.single_track.layout import (
@@ -25,7 +26,6 @@ from steer_env.vehicle.chassis.single_track.layout import (
     Y,
 )
 from steer_env.vehicle.constants import GRAVITY
-from steer_env.vehicle.simd import broadcast, load, pack, unpack
 from steer_env.vehicle.suspension import kinematics_table
 
 

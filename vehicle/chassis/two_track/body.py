@@ -8,6 +8,7 @@ import math
 from typing import NamedTuple
 
 from steer_env.friction.numerics.kernel import kernel, part
+from steer_env.friction.numerics.simd import load, unpack
 from steer_env.vehicle.chassis.common.interface import WIND_FORCE, WIND_MOMENT
 from steer_env.vehicle.chassis.two_track.layout import (
     DISTANCE,
@@ -40,7 +41,6 @@ from steer_env.vehicle.chassis.two_track.layout import (
     Z,
 )
 from steer_env.vehicle.chassis.two_track.rotation import to_body
-from steer_env.vehicle.simd import load, unpack
 
 
 class Load(NamedTuple):

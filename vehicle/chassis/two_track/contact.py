@@ -7,10 +7,10 @@ define the slip, and the tyre forces do work on these velocities.
 from typing import NamedTuple
 
 from steer_env.friction.numerics.kernel import kernel, part
+from steer_env.friction.numerics.simd import maximum, sin, sqrt
 from steer_env.vehicle import road
 from steer_env.vehicle.chassis.two_track.layout import DISTANCE, Z
 from steer_env.vehicle.chassis.two_track.suspension import per_axle, sides
-from steer_env.vehicle.simd import maximum, sin, sqrt
 
 
 class Contact(NamedTuple):

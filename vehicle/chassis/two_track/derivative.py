@@ -1,6 +1,7 @@
 """Time derivative of the two-track chassis, as the sequence of its steps."""
 
 from steer_env.friction.numerics.kernel import kernel
+from steer_env.friction.numerics.simd import load, store, unpack
 from steer_env.vehicle.chassis.two_track.body import accelerations, external_load, kinematics, less_gyroscopic
 from steer_env.vehicle.chassis.two_track.contact import contact, slip_speeds
 from steer_env.vehicle.chassis.two_track.layout import (
@@ -25,7 +26,6 @@ from steer_env.vehicle.chassis.two_track.wheels import (
     wheel_accelerations,
     wheel_torques,
 )
-from steer_env.vehicle.simd import load, store, unpack
 
 
 @kernel

@@ -7,8 +7,8 @@ the yaw angle of the body, and its z axis is normal to the road.
 from typing import NamedTuple
 
 from steer_env.friction.numerics.kernel import kernel, part
+from steer_env.friction.numerics.simd import cos, pack, sin, unpack
 from steer_env.vehicle.chassis.two_track.layout import PITCH, ROLL, YAW, P, Q, R, U, V, W
-from steer_env.vehicle.simd import cos, pack, sin, unpack
 
 
 class Rotation(NamedTuple):

@@ -7,8 +7,8 @@ functions of the travel. A right strut is the mirror image of the left one.
 from typing import NamedTuple
 
 from steer_env.friction.numerics.kernel import kernel, part
+from steer_env.friction.numerics.simd import copysign, fabs, load, maximum, pack, swap_sides, where
 from steer_env.vehicle.chassis.two_track.layout import COMPLIANCE, ROLL, TRAVEL, TRAVEL_RATE
-from steer_env.vehicle.simd import copysign, fabs, load, maximum, pack, swap_sides, where
 from steer_env.vehicle.suspension import kinematics_table
 
 STOP_SOFTNESS = 0.01  # travel over which a bump stop reaches its stiffness, assumed [m]

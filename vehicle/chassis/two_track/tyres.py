@@ -8,10 +8,22 @@ from typing import NamedTuple
 
 from steer_env.friction import law
 from steer_env.friction.numerics.kernel import kernel, part
+from steer_env.friction.numerics.simd import (
+    any_of,
+    copysign,
+    fabs,
+    load,
+    maximum,
+    minimum,
+    pack,
+    sqrt,
+    store,
+    unpack,
+    where,
+)
 from steer_env.vehicle import tyre
 from steer_env.vehicle.chassis.two_track.layout import BORE_ANGLE, KAPPA, TAN_ALPHA
 from steer_env.vehicle.chassis.two_track.suspension import per_axle
-from steer_env.vehicle.simd import any_of, copysign, fabs, load, maximum, minimum, pack, sqrt, store, unpack, where
 
 ROLLING_BLEND = 1.0  # rolling speed from which pneumatic trail and rolling resistance act fully, assumed [m/s]
 DAMPED_BELOW = 3.0  # rolling speed at which the structural damping of the tyres has faded, assumed [m/s]

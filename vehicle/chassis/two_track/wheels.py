@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.kernel import kernel, part
+from steer_env.friction.numerics.simd import copysign, maximum, minimum, store, unpack, where
 from steer_env.vehicle.chassis.common.interface import BRAKE, COAST, HAND_BRAKE, TARGET_SPEED
 from steer_env.vehicle.chassis.common.interface import THROTTLE as THROTTLE_INPUT
 from steer_env.vehicle.chassis.two_track.brakes import brake_torques
@@ -32,7 +33,6 @@ from steer_env.vehicle.chassis.two_track.layout import (
 )
 from steer_env.vehicle.chassis.two_track.speed_hold import longitudinal_demand, split
 from steer_env.vehicle.chassis.two_track.suspension import per_axle, sides
-from steer_env.vehicle.simd import copysign, maximum, minimum, store, unpack, where
 from steer_env.vehicle.suspension import kinematics_table
 
 

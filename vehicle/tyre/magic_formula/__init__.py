@@ -8,8 +8,8 @@ Every force is a sine or cosine of one curve with stiffness B, shape C, peak D a
 
 The weights G and the lever s couple the slips; t is the pneumatic trail, M_zr the residual torque.
 
-The kernels evaluate four wheels at once (:mod:`steer_env.vehicle.simd`); a single wheel fills all four lanes. A branch
-that only some wheels need adds exactly nothing to the result of the others.
+The kernels evaluate four wheels at once (:mod:`steer_env.friction.numerics.simd`); a single wheel fills all four lanes.
+A branch that only some wheels need adds exactly nothing to the result of the others.
 
 Axes: ISO 8855, x forward, y left, z up; alpha > 0 gives F_y < 0 and M_z > 0. A tyre that rolls backwards is the same
 tyre seen from behind: a half turn about z reverses kappa, alpha, camber, F_x, F_y, M_x and M_y, and leaves M_z and the

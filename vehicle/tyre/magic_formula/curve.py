@@ -1,7 +1,7 @@
 """Two functions of which all curves of the Magic Formula consist."""
 
 from steer_env.friction.numerics.kernel import kernel
-from steer_env.vehicle.simd import any_of, atan, sqrt
+from steer_env.friction.numerics.simd import any_of, atan, sqrt
 
 
 @kernel

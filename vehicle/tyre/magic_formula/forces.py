@@ -8,7 +8,7 @@ import math
 from typing import NamedTuple
 
 from steer_env.friction.numerics.kernel import kernel
-from steer_env.vehicle.simd import (
+from steer_env.friction.numerics.simd import (
     any_of,
     atan,
     broadcast,

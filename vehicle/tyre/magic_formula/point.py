@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from steer_env.friction.numerics.kernel import kernel
-from steer_env.vehicle.simd import any_of, broadcast, fabs, maximum, sin, sqrt, where
+from steer_env.friction.numerics.simd import any_of, broadcast, fabs, maximum, sin, sqrt, where
 from steer_env.vehicle.tyre.magic_formula.curve import cos_atan
 
 A_MU = 10.0  # how slowly the vertical shifts decrease on a slippery road (lambda'_mu of the books); 5.2: 1 [1]

@@ -1,7 +1,7 @@
 """Slip stiffness and cornering stiffness."""
 
 from steer_env.friction.numerics.kernel import kernel
-from steer_env.vehicle.simd import atan, broadcast, exp, fabs, first, sin
+from steer_env.friction.numerics.simd import atan, broadcast, exp, fabs, first, sin
 
 
 @kernel

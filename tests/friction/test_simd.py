@@ -3,26 +3,37 @@ import math
 import numpy as np
 import pytest
 
+from steer_env.friction.numerics import scratch
+from steer_env.friction.numerics.bounds import within
+from steer_env.friction.numerics.interpolation import bracket
 from steer_env.friction.numerics.kernel import COMPILED, kernel
-from steer_env.vehicle.simd import (
+from steer_env.friction.numerics.simd import (
+    all_of,
     any_of,
+    apart,
     atan,
+    beside,
     broadcast,
     copysign,
     cos,
     exp,
     fabs,
     first,
+    floor,
     load,
     maximum,
     minimum,
+    negated,
     pack,
+    place,
     power,
     sin,
+    spread,
     sqrt,
     store,
     swap_sides,
     unpack,
+    unpack_cars,
     where,
 )
 
@@ -107,3 +118,44 @@ def test_arithmetic_compiled_and_plain():
         compiled[16:20] = plain[16:20] = 0.0
         np.testing.assert_array_equal(compiled, plain)
         assert (compiled[20] == 1.0) == bad
+
+
+@kernel
+def of_a_car(grid, table, x, out):
+    out[0], out[1] = math.exp(x[0]), math.expm1(x[1])
+    out[2], out[3] = math.sin(x[2]), math.cos(x[3])
+    _, out[4] = bracket(grid, x[4])
+    out[5] = within(x[5], -0.5, 0.5)
+    odd = (x[6] > 0.0) & negated(x[6] > 1.0) | (x[7] < -1.0)
+    out[6] = where(odd, abs(x[6]), floor(x[6]))
+    if any_of(odd):
+        out[6] = where(odd, math.copysign(math.sqrt(out[6]), x[7]), out[6])
+    if all_of(x[0] == x[0]):
+        out[7] = 1.0
+    out[8], out[9], out[10], out[11] = unpack_cars(spread(x[1]) * load(table, place(abs(x[7]))))
+    wheels = pack(x[0], x[1], x[2], x[3]) * x[4] + load(x, 4)
+    out[12], out[13], out[14], out[15] = unpack(swap_sides(atan(wheels)) + broadcast(x[5]))
+    out[16] = first(wheels)
+
+
+@kernel
+def of_four_cars(grid, table, x, out):
+    cars, found = scratch.fours(1, x.shape[1]), scratch.fours(1, out.shape[1])
+    rows = place(pack(2.0, 0.0, 3.0, 1.0))
+    beside(x, x.shape[1], rows, cars)
+    of_a_car(grid, table, cars[0], found[0])
+    apart(found, out.shape[1], rows, out)
+
+
+@pytest.mark.skipif(not COMPILED, reason="cars run side by side in compiled code alone")
+def test_a_car_has_its_bits_beside_others():
+    rng = np.random.default_rng(2)
+    grid, table = np.array([0.0, 0.3, 1.0, 2.0]), rng.normal(size=64)
+    for scale in (0.3, 1.0, 8.0):
+        x = scale * rng.normal(size=(4, 8))
+        x[:, 3], x[2, 4] = 1.5, math.nan  # equal in all lanes; not a number
+        alone, together = np.ones((2, 4, 17))
+        for i in range(4):
+            of_a_car(grid, table, x[i], alone[i])
+        of_four_cars(grid, table, x, together)
+        np.testing.assert_array_equal(together, alone)
