@@ -5,9 +5,11 @@ import sys
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from steer_env import manoeuvres, metrics
 from steer_env.metrics.common import definitions
+from steer_env.metrics.common.confidence import trend
 from steer_env.metrics.common.registry import EVALUATIONS
 from steer_env.recording.recording import DEGREE, Recording
 from steer_env.vehicle import cars
@@ -94,6 +96,21 @@ def test_gradients_of_a_curved_car_do_not_depend_on_amplitude():
 def test_a_rig_whose_car_does_not_turn_has_metrics():
     found = metrics.evaluate(manoeuvres.drive(cars.load(), manoeuvres.make("rig"), "lugre"))
     assert not [name for name, value in found.items() if value.reason]
+
+
+def test_a_trend_is_told_as_scipy_tells_it():
+    """Points of a line with more and more noise; 3 points are the fewest."""
+    random, told = np.random.default_rng(0), []
+    for points, size in ((3, 0.02), (3, 0.5), (12, 1.0), (12, 4.0), (12, 16.0)):
+        x = np.sort(random.uniform(0.0, 10.0, points))
+        y = 0.3 + x + size * random.standard_normal(points)
+        slope, significant = trend(x, y)
+        expected = stats.linregress(x, y)
+        assert slope == pytest.approx(expected.slope, rel=1e-12)
+        assert significant == (expected.pvalue < 0.05)
+        told.append(significant)
+    assert {*told} == {True, False}
+    assert trend(np.arange(3), np.ones(3)) == (0.0, False)
 
 
 def test_left_and_right_are_alike():
