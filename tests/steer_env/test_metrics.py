@@ -1,7 +1,9 @@
 """Metrics against loops whose answers are known in closed form."""
 
+import gc
 import subprocess
 import sys
+import weakref
 
 import numpy as np
 import pytest
@@ -234,6 +236,23 @@ def test_two_cycles_do_for_a_slow_ramp_and_three_for_a_weave():
     assert slow_ramp(linear_car(0.02, cycles=4))["torque_at_0g"].reason == ""
     assert slow_ramp(linear_car(0.02, cycles=3))["torque_at_0g"].reason != ""
     assert weave(linear_car(cycles=5))["torque_at_0g"].reason == ""
+
+
+@pytest.mark.parametrize("test", ["weave", "step-steer", "release", "frequency-response"])
+def test_no_recording_stays_in_memory(test):
+    """Neither by a reading that refers to itself nor by a refusal whose traceback does, without a garbage collector."""
+    recording = manoeuvres.drive(cars.load(), manoeuvres.make(test))
+    alive = weakref.ref(recording)
+    gc.disable()
+    try:
+        found = metrics.evaluate(recording.without("yaw_rate"))
+        metrics.evaluate(recording)
+        metrics.evaluate(recording, speed_m_s=1.0)  # refused altogether
+        del recording
+        assert alive() is None
+    finally:
+        gc.enable()
+    assert any(value.reason for value in found.values())
 
 
 def test_every_metric_is_declared():

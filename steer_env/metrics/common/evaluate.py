@@ -241,7 +241,7 @@ def _read(recording: Recording, test: str | None, given: Mapping[str, Any]) -> A
     try:
         return read(recording, test, **given)
     except RefusedError as error:
-        return error
+        return RefusedError(str(error))  # without the traceback, as in `_computed`
 
 
 def _repeats(names: tuple[str, ...], reading: Any) -> dict[str, Bounded | RefusedError]:
@@ -298,7 +298,7 @@ def _computed(entry: Metric, found: Any) -> Bounded | RefusedError:
         if not np.all(np.isfinite(values)):
             raise RefusedError("the recording gives no finite value of this metric")
     except RefusedError as refused:
-        return refused
+        return RefusedError(str(refused))  # the traceback of this one holds the recording, in a circle with a frame
     return Bounded(values, below * scale, above * scale)
 
 

@@ -20,8 +20,6 @@ The loop y(x) of a cycle has a rising and a falling branch, separated by the tur
 """
 
 from collections.abc import Mapping
-from copy import copy
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -30,6 +28,7 @@ from steer_env.friction.numerics.interpolation import spline
 from steer_env.metrics.common.confidence import trend
 from steer_env.metrics.common.definitions import SPEED_SPREAD, Doubt, RefusedError
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, CHANNELS, SPEED, TORQUE, YAW, FilteredChannels
+from steer_env.metrics.common.kept import anew, kept
 from steer_env.metrics.common.straight import STANDING, TOLD, told
 from steer_env.recording.recording import DEGREE, Recording
 from steer_env.vehicle.constants import GRAVITY as G
@@ -68,9 +67,7 @@ class Loops:
         # The dropped cycles remain as margins, because a branch may begin up to half a cycle before its cycle.
         self._time = np.interp(np.arange((self.count + 2) * SAMPLES) / SAMPLES, np.arange(self.count + 3), starts)
         self._sharp = FilteredChannels(recording, min(PEAK_CUTOFF, recording.rate / 4))
-        self._read = cache(self._interpolated)
         self._bend, self._late = 0.0, dict.fromkeys(CHANNELS, 0.0)  # mean yaw rate [rad/s], delays to remove [s]
-        self._forget()
         span = np.ptp(self.cycles(AY if AY in self._smooth else ANGLE), axis=1)
         if np.any(np.abs(span - np.median(span)) > SPREAD * np.median(span)):
             raise RefusedError(f"the cycles' amplitudes are over {SPREAD:.0%} apart: hold angle and speed")
@@ -80,33 +77,26 @@ class Loops:
             if np.any(np.abs(speed - self._speed) > SPEED_SPREAD * np.abs(self._speed)):
                 raise RefusedError(f"{SPEED} differs between cycles by over {SPEED_SPREAD:.0%}: hold it constant")
 
-    def _forget(self) -> None:
-        """Compute anew what several metrics use."""
-        self._drift_free = cache(lambda name: self._without_drift(self._raw(self._smooth, name)))
-        self._harmonic = cache(self._first_harmonic)
-        self.zero = cache(self._zero)
-        self._samples = cache(lambda name: self._drift_free(name) - self.zero(name))
-        self.fundamental, self.peak = cache(self._fundamental), cache(self._peak)
-        self.at, self.slope = cache(self._at), cache(self._slope)
-        self.doubts = cache(self._doubts)
-
     def _otherwise(self, bend: float = 0.0, **late: float) -> "Loops":
         """The same loops on a road with a mean yaw rate of ``bend`` [rad/s], or with channels that are ``late`` [s]."""
-        other = copy(self)
+        other = anew(self)
         other._bend, other._late = bend, {**self._late, **late}
-        other._forget()
         return other
 
     def _raw(self, channels: FilteredChannels, name: str) -> np.ndarray:
         """Samples ((count + 2) SAMPLES,) of a channel."""
-        return self._read(channels, name, self._late[name])
-
-    def _interpolated(self, channels: FilteredChannels, name: str, late: float) -> np.ndarray:
-        """As :meth:`_raw`, of a channel that is ``late`` [s]."""
         thin = slice(None, None, max(int(channels.recording.rate / (SAMPLES_PER_CUTOFF * CUTOFF)), 1))
         x, y, found = channels.time[thin].copy(), channels[name][thin].copy(), np.empty(self._time.size)
-        spline(x, y, self._time + late, np.empty(x.size), np.empty(x.size), found)
+        spline(x, y, self._time + self._late[name], np.empty(x.size), np.empty(x.size), found)
         return found
+
+    @kept
+    def _drift_free(self, name: str) -> np.ndarray:
+        return self._without_drift(self._raw(self._smooth, name))
+
+    @kept
+    def _samples(self, name: str) -> np.ndarray:
+        return self._drift_free(name) - self.zero(name)
 
     @property
     def _motion(self) -> tuple[str, ...]:
@@ -114,7 +104,8 @@ class Loops:
         shown = (name for name in (AY, YAW) if name in self._smooth and np.any(self._smooth.recording[name]))
         return tuple(shown) if self._speed > STANDING else ()
 
-    def _zero(self, name: str) -> float:
+    @kept
+    def zero(self, name: str) -> float:
         """Reading of a channel where the car goes straight; 0 where the recording does not tell."""
         if not self._motion or name not in TOLD:
             return 0.0
@@ -147,7 +138,8 @@ class Loops:
         over = float(rate * 0.5 * np.ptp(self._smooth.time) / self.period.mean())
         return over if told and abs(over) > RESOLVED_DRIFT else 0.0
 
-    def _doubts(self) -> list[Doubt]:
+    @kept
+    def doubts(self) -> list[Doubt]:
         """What the recording leaves open: whether the road was straight, and how the clocks of the channels go."""
         found = []
         if abs(self.turn()) > RESOLVED_TURN:
@@ -195,14 +187,16 @@ class Loops:
         rise = order @ means / max(order @ order, 1.0)  # one cycle shows no drift
         return samples - rise * (np.arange(samples.size) - samples.size / 2) / SAMPLES
 
-    def _fundamental(self, name: str) -> np.ndarray:
+    @kept
+    def fundamental(self, name: str) -> np.ndarray:
         """Complex amplitude (n,) of the first harmonic; refused if it opposes that of the handwheel angle."""
         angle, harmonic = self._harmonic(ANGLE), self._harmonic(name)
         if np.mean(harmonic * angle.conj()).real <= 0:
             raise RefusedError(f"{name} does not follow {ANGLE}: check the signs, a left turn is positive in both")
         return harmonic
 
-    def _first_harmonic(self, name: str) -> np.ndarray:
+    @kept
+    def _harmonic(self, name: str) -> np.ndarray:
         return np.fft.rfft(self._settled(self._drift_free(name)))[:, 1] * (2 / SAMPLES)
 
     def peak_acceleration(self) -> float:
@@ -220,7 +214,8 @@ class Loops:
         peak = round(-np.angle(self._harmonic(x).mean()) / (2 * np.pi) * SAMPLES)
         return self._settled(samples, peak).reshape(-1, SAMPLES // 2)
 
-    def _at(self, y: str, x: str, level: float) -> np.ndarray:
+    @kept
+    def at(self, y: str, x: str, level: float) -> np.ndarray:
         """y (n, 2) where the falling and the rising branch of x cross ``level``.
 
         Where noise causes several crossings of a branch, y is their mean.
@@ -235,7 +230,8 @@ class Loops:
         """y (n,) on the mean of the branches at x = level."""
         return (self.at(y, x, level) - self.at(y, x, -level)).mean(axis=1) / 2
 
-    def _slope(self, y: str, x: str, level: float = 0.0) -> np.ndarray:
+    @kept
+    def slope(self, y: str, x: str, level: float = 0.0) -> np.ndarray:
         """dy/dx (n,) on the mean of the branches at x = level, within the window of x."""
         window = WINDOW[x]
         u, v = self._branches(y, x)
@@ -251,7 +247,8 @@ class Loops:
             slopes.append(fit[:, 1, 0] / window)
         return np.mean(np.reshape(slopes, (len(slopes), -1, 2)), axis=(0, 2))
 
-    def _peak(self, name: str) -> np.ndarray:
+    @kept
+    def peak(self, name: str) -> np.ndarray:
         """Half the difference (n,) of samples half a cycle apart, where it is largest in the mean of the cycles.
 
         A separate search for each extreme would take more of the noise for signal.
