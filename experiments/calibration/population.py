@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 
 DISTRIBUTIONS = ("uniform", "normal")
 SIGMAS = 3.0  # standard deviations of the normal distribution from the middle of a range to its ends, assumed [1]
-BLOCK = 16  # cars of a case of the sweep
+BLOCK, BLOCKS = 16, 128  # least number of cars of a case of the sweep, each of which has a car of 0.4 MB; most cases
 TESTS = ("weave",)
 
 
@@ -56,7 +56,7 @@ def population(
     car: Car | str | Mapping[str, Any],
     n: int,
     ranges: Mapping[str, float | tuple[float, float]],
-    manoeuvre: str | Sequence[str] = TESTS,
+    manoeuvre: str | Sequence[str] | Mapping[str, Mapping[str, Any]] = TESTS,
     friction: Any = None,
     *,
     distribution: str = "uniform",
@@ -78,9 +78,10 @@ def population(
         ends (low, high) in the parameter's unit. Names are those of
         :func:`steer_env.experiments.calibration.variation.quantity`, such as ``"column.K_tb"``, ``"boost_level"`` and
         ``"friction.sigma_0"``, without ``"speed"``.
-    manoeuvre : str or sequence of str
+    manoeuvre : str, sequence of str or mapping
         Tests that have metrics; the motion of the hands is found for each car where a test asks for a lateral
-        acceleration.
+        acceleration. A mapping gives each test the options of ``manoeuvres.make``: ``{"weave": {"amplitude": 0.26}}``
+        turns the handwheel of every car by as much.
     friction : str, mapping or parameters, optional
         Law of the nominal car, in a form of ``friction.resolve``; otherwise the car's own friction.
     distribution : {"uniform", "normal"}
@@ -97,13 +98,14 @@ def population(
     Raises
     ------
     ValueError
-        An unknown parameter, manoeuvre, law or distribution; ``n`` below 1; a tolerance that is not above 0, or beyond
-        which the car or the law does not allow a value. The message gives the name, the value and what is allowed.
+        An unknown parameter, manoeuvre, option, law or distribution; ``n`` below 1; a tolerance that is not above 0, or
+        beyond which the car or the law does not allow a value. The message gives the name, the value and what is
+        allowed.
     """
-    nominal = car if isinstance(car, Car) else cars.load(car)
+    nominal = cars.load(car)
     law = nominal.friction if friction is None else friction
     given = law if isinstance(laws.resolve(law), Sites) else laws.resolve(law)
-    tests = (manoeuvre,) if isinstance(manoeuvre, str) else tuple(manoeuvre)
+    tests = (manoeuvre,) if isinstance(manoeuvre, str) else manoeuvre
     study = study_of(nominal, given, chassis, ranges, tests)
     where = Where.parse(workers if cluster is None else None, cluster)
     return collect(study, n, seed, distribution, partial(run, where=where))
@@ -131,7 +133,7 @@ def study_of(
     law: Any,
     chassis: str,
     ranges: Mapping[str, float | tuple[float, float]],
-    tests: Sequence[str],
+    tests: Sequence[str] | Mapping[str, Mapping[str, Any]],
     what: str = "ranges",
 ) -> Study:
     """What the rows of a population depend on but draws; errors of tolerances begin with ``what``."""
@@ -141,10 +143,15 @@ def study_of(
         raise ValueError(f"manoeuvre must be one or more of {', '.join(known)}, each once, got {', '.join(tests)!r}")
     for test in tests:
         one_of("manoeuvre", test, known)
+    options = dict(tests) if isinstance(tests, Mapping) else {}
+    for test, chosen in options.items():
+        if not isinstance(chosen, Mapping):
+            raise ValueError(f"manoeuvre: the options of {test} must be a mapping, got {chosen!r}")
+        manoeuvres.make(test, **chosen)
     if not isinstance(ranges, Mapping) or not ranges:
         raise ValueError(f"{what} must map one or more parameters to their tolerances, got {ranges!r}")
     factors = tuple(_range(car, law, name, given, what) for name, given in ranges.items())
-    study = Study(car, law, chassis, factors, tuple(tests), own_hands=True)
+    study = Study(car, law, chassis, factors, tuple(tests), options, own_hands=True)
     for f in factors:
         for end in (f.low, f.high):
             try:
@@ -206,9 +213,8 @@ def collect(
     n, seed = whole("n", n, 1), whole("seed", seed, 0)
     one_of("distribution", distribution, DISTRIBUTIONS)
     rows = [drawn(study.factors, seed, index, distribution) for index in range(n)]
-    blocks = [
-        Block(study, tuple(rows[k : k + BLOCK]), f"cars {k + 1} to {min(k + BLOCK, n)}") for k in range(0, n, BLOCK)
-    ]
+    size = max(BLOCK, math.ceil(n / BLOCKS))
+    blocks = [Block(study, tuple(rows[k : k + size]), f"cars {k + 1} to {min(k + size, n)}") for k in range(0, n, size)]
     driven = sweep(evaluate, blocks, notify=notify, words=lambda block: block.label)
     found: list[Outputs] = [each for block in driven for each in block]
     names = {output: column(output) for output in study.outputs}

@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from steer_env import friction, metrics
+from steer_env import friction, manoeuvres, metrics
 from steer_env.episode.randomise import LIMITS, Conditions, undrawn
 from steer_env.experiments.calibration import problem
 from steer_env.experiments.calibration.problem import Range
@@ -58,6 +58,7 @@ class Study(NamedTuple):
     chassis: str  # of tests that do not need two tracks
     factors: tuple[Range, ...]
     tests: tuple[str, ...] = SCENARIO.tests
+    options: Mapping[str, Mapping[str, Any]] = {}  # of tests that are not driven as usual
     own_hands: bool = False  # whether parameters of the assist, too, change the motion of the hands for a test
 
     @property
@@ -159,7 +160,7 @@ def changed(study: Study, values: Mapping[str, float]) -> tuple[Car, Conditions]
     changes = {key: x for key, x in values.items() if key not in known and not key.startswith(FRICTION)}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UnusualCar)  # told when the car was read; the others are meant to be so
-        car = cars.load(study.car.data(), changes=changes) if changes else study.car
+        car = cars.load(study.car, changes)
     resolved = friction.varied(study.law, law) if law else friction.resolve(study.law)
     return car, undrawn(car, resolved, conditions["speed"])._replace(**conditions)
 
@@ -170,10 +171,15 @@ def assist_of(car: Car, values: Mapping[str, float]) -> Assist:
     return parameters.tuned(car.assist, {name: values.get(name, KNOWN[name].value(car.assist, 0.0)) for name in named})
 
 
-def drives_of(tests: tuple[str, ...]) -> tuple[Drive, ...]:
-    """The tests as the tuning environments drive them; those that they do not drive as the battery does."""
-    shortened = {each.manoeuvre.name: each for each in SCENARIO.drives}
-    return tuple(shortened.get(test) or drive(test) for test in tests)
+def drives_of(study: Study) -> list[Drive]:
+    """The tests as the tuning environments drive them; those that they do not drive, and with options, as the battery.
+
+    Those with options, too, have the sampling of the tuning environments.
+    """
+    usual = {each.manoeuvre.name: each for each in SCENARIO.drives}
+    drives = [usual.get(test) or drive(test) for test in study.tests]
+    made = {test: manoeuvres.make(test, **options) for test, options in study.options.items()}
+    return [each._replace(manoeuvre=made.get(each.manoeuvre.name, each.manoeuvre)) for each in drives]
 
 
 class _Prepared(NamedTuple):
@@ -211,7 +217,7 @@ def _prepared(study: Study, values: Mapping[str, float]) -> _Prepared:
         car = car._replace(assist=assist_of(car, values))
     car = car.loaded(drawn.load)
     prepared, undriven = list[driving.PreparedDrive](), dict[str, str]()
-    for each in driving.adapted(drives_of(study.tests), study.chassis, drawn):
+    for each in driving.adapted(drives_of(study), study.chassis, drawn):
         try:
             prepared.append(driving.prepared(each, car, drawn))
         except ValueError as error:

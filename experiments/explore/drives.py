@@ -25,7 +25,8 @@ from steer_env.manoeuvres.common.driving import REGRIP
 from steer_env.metrics import catch_up, parking, step_steer
 from steer_env.metrics.common import decay, events, free_control, free_hands, loops
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE, YAW
-from steer_env.recording.recording import DEGREE, low_pass
+from steer_env.recording.recording import DEGREE
+from steer_env.recording.zero_phase import low_pass
 from steer_env.vehicle import chassis as chassis_models
 from steer_env.vehicle.steering import stability
 from steer_env.vehicle.steering.eps import SAMPLE_TIME

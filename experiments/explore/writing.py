@@ -109,7 +109,7 @@ def explore(
     """
     for body in chassis:
         one_of("chassis", body, chassis_models.available())
-    car = vehicle if isinstance(vehicle, Car) else cars.load(vehicle)
+    car = cars.load(vehicle)
     laws = [_checked(each) for each in ((car.friction, *LAWS_SHOWN) if friction is None else friction)]
     if not laws or not chassis:
         raise ValueError("the page needs a friction law and a chassis")

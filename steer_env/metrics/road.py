@@ -25,8 +25,7 @@ Introduction to the Bootstrap, 1993, chapter 11.
 """
 
 from collections.abc import Mapping
-from copy import copy
-from functools import cache, partial
+from functools import partial
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -40,6 +39,7 @@ from steer_env.metrics.common.confidence import interval
 from steer_env.metrics.common.definitions import Bounded, Doubt, RefusedError, metric, register_evaluation
 from steer_env.metrics.common.events import runs
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, SPEED, TORQUE, YAW, DoubleFiltered
+from steer_env.metrics.common.kept import anew, kept
 from steer_env.metrics.common.loops import WINDOW
 from steer_env.metrics.common.straight import told
 from steer_env.recording.recording import DEGREE, Recording
@@ -100,20 +100,13 @@ class Road:
         rate = np.gradient(drive.angle, drive.dt)
         self._hands = np.column_stack([rate, np.gradient(rate, drive.dt)])
         self._step = 0  # from the best x_c in the grid
-        self._forget()
-
-    def _forget(self) -> None:
-        """Compute anew what several metrics use."""
-        self.curve, self._motion = cache(self._curve), cache(self._find_motion)
-        self._friction, self.zero = cache(self._build_up), cache(self._zero)
 
     def doubts(self) -> list[Doubt]:
         """What the drive leaves open: over which distance friction builds up."""
         others = []
         for step in (-1, 1):
-            other = copy(self)
+            other = anew(self)
             other._step = step
-            other._forget()
             others.append(other)
         return [Doubt("the distance over which friction builds up", "record a longer drive", tuple(others))]
 
@@ -135,7 +128,8 @@ class Road:
             found.append(f"{AY} is not recorded: it is {SPEED} times {YAW}, without the change of the lateral speed")
         return found
 
-    def _find_motion(self) -> tuple[Array, Mask]:
+    @kept
+    def _motion(self) -> tuple[Array, Mask]:
         """Lateral acceleration (T,) [m/s2], and where it is known (T,)."""
         channels = self._recording.channels
         name = next((name for name in (AY, YAW) if name in channels and not np.isnan(channels[name]).all()), None)
@@ -155,7 +149,8 @@ class Road:
         values = smoothed(values, self.drive.dt) if self._twice else values
         return (values if name == AY else values * self.drive.speed), weight > 0.0
 
-    def _zero(self) -> float:
+    @kept
+    def zero(self) -> float:
         """Handwheel angle at which the car goes straight [rad]; 0 where the recording does not tell."""
         try:
             a, known = self._motion()
@@ -172,7 +167,8 @@ class Road:
             return self._motion()
         return self.drive.angle - self.zero(), np.ones(self.drive.time.size, bool)
 
-    def _build_up(self) -> "BuildUp":
+    @kept
+    def _friction(self) -> "BuildUp":
         """That of the x_c that leaves least of the torque over the handwheel angle."""
         drive, used = self.drive, self._used(ANGLE, None)
         left, elements = [], []
@@ -204,7 +200,8 @@ class Road:
             found.append(u * (v / v[used].mean() - 1.0))
         return np.column_stack(found)
 
-    def _curve(self, x: str, speeds: tuple[int, int] | None = None) -> Curve:
+    @kept
+    def curve(self, x: str, speeds: tuple[int, int] | None = None) -> Curve:
         """(R1) over x, from all blocks and without each of them, at all speeds or at those of a class [km/h]."""
         if self.drive.turns < FEWEST:
             raise RefusedError(

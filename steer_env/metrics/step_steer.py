@@ -7,8 +7,6 @@ is the mean over the last second in which the handwheel is held, which ends 0.1 
 """
 
 from collections.abc import Callable, Mapping
-from copy import copy
-from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,6 +15,7 @@ from scipy import stats
 from steer_env.metrics.common import events
 from steer_env.metrics.common.definitions import Bounded, RefusedError, metric, register_evaluation
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, SPEED, TORQUE, YAW, FilteredChannels
+from steer_env.metrics.common.kept import anew, kept
 from steer_env.recording.recording import DEGREE, Recording
 from steer_env.vehicle.constants import GRAVITY as G
 
@@ -50,13 +49,11 @@ class Steps:
         self._smooth = FilteredChannels(recording, min(CUTOFF, recording.rate / 4))
         self.time, self._speed = self._smooth.time, conditions["speed_m_s"]
         self.steps = _find(self.time, self._smooth[ANGLE])
-        self.steady = cache(self._steady)
 
     def _low_passed(self, cutoff: float) -> "Steps":
         """The same steps with another low-pass [Hz]."""
-        other = copy(self)
+        other = anew(self)
         other._smooth = FilteredChannels(self._smooth.recording, min(cutoff, self._smooth.recording.rate / 4))
-        other.steady = cache(other._steady)
         return other
 
     def response(
@@ -67,7 +64,8 @@ class Steps:
         offset = values[step.before].mean() if centred else 0.0
         return self.time[step.response] - step.start, (values[step.response] - offset) * np.sign(step.size)
 
-    def _steady(self, channel: str | Callable[[FilteredChannels], np.ndarray], centred: bool = True) -> np.ndarray:
+    @kept
+    def steady(self, channel: str | Callable[[FilteredChannels], np.ndarray], centred: bool = True) -> np.ndarray:
         """Steady values (n,)."""
         found = []
         for step in self.steps:

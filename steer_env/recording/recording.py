@@ -6,7 +6,7 @@ In memory all quantities are in SI units with angles in radians; :mod:`steer_env
 from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,6 @@ from steer_env.recording.units import DEGREE, FILE_UNITS
 
 __all__ = ["DEGREE", "FILE_UNITS", "Recording", "check_meta", "interpolated", "step_counts"]
 
-ORDER = 2  # of the low-pass, which is applied forwards and backwards: attenuation of order 4, no phase shift
 SAMPLES_PER_CUTOFF = 4.0  # slowest sampling rate, as a multiple of the cutoff
 
 LARGEST = 1e60  # reading of which a metric is computed [SI]
@@ -256,17 +255,10 @@ def low_passed(name: str, values: np.ndarray, cutoff_hz: float, rate: float) -> 
             f"channel {name!r} has samples that are not finite: close gaps with bridged(), "
             f"or leave the channel out with without({name!r})"
         )
-    from scipy import signal  # here, because its import takes longer than the start of an environment
+    # here, because it imports scipy and numba, which takes longer than the start of an environment
+    from steer_env.recording.zero_phase import zero_phase
 
-    return np.asarray(signal.sosfiltfilt(low_pass(cutoff_hz, rate), values, padlen=run_in))
-
-
-@lru_cache(maxsize=64)
-def low_pass(cutoff_hz: float, rate: float) -> np.ndarray:
-    """The Butterworth low-pass that is applied forwards and backwards, as second-order sections (1, 6)."""
-    from scipy import signal  # here, because its import takes longer than the start of an environment
-
-    return np.asarray(signal.butter(ORDER, cutoff_hz, fs=rate, output="sos"))
+    return zero_phase(values, cutoff_hz, rate, run_in)
 
 
 def step_counts(time: np.ndarray) -> np.ndarray:
@@ -311,8 +303,9 @@ def _is_json(value: Any) -> bool:
 
 
 def _frozen(values: Any, name: str) -> np.ndarray:
-    """A read-only (T,) copy in double precision."""
-    array = np.array(values, dtype=float)
+    """A read-only (T,) copy in double precision; an array that is one already, as of another recording, is itself."""
+    kept = type(values) is np.ndarray and values.dtype == float and values.base is None and not values.flags.writeable
+    array = values if kept else np.array(values, dtype=float)
     if array.ndim != 1:
         raise ValueError(f"{name!r} has shape {array.shape}; expected one value a sample, (T,)")
     array.flags.writeable = False

@@ -1,8 +1,10 @@
 """Populations and production: rows by seed and number alone, shares by closed forms, the page, bad input."""
 
+import gc
 import json
 import math
 import re
+import weakref
 from functools import partial
 
 import numpy as np
@@ -13,6 +15,8 @@ from steer_env import manoeuvres, metrics, targets
 from steer_env.experiments.calibration import population, production, production_page
 from steer_env.experiments.calibration.variation import Outputs
 from steer_env.experiments.cli.main import main
+from steer_env.tuning import driving
+from steer_env.tuning.driving import thinned
 from steer_env.vehicle import cars
 from tests.experiments.first_screen import sentence
 
@@ -82,6 +86,51 @@ def test_a_row_is_the_drive_of_the_car_with_its_values():
     for name, value in driven.items():
         assert found.outputs[f"hold.{name}"][0] == (pytest.approx(value.value, rel=1e-12, nan_ok=True))
     assert found.units["column.K_tb"] == "N m/rad"
+
+
+def test_a_row_with_an_amplitude_is_the_drive_of_the_car_with_it():
+    """Every car turns its handwheel by as much; a tenth of the samples is read, as in the tuning environments."""
+    options = {"frequency": 0.25, "cycles": 5, "amplitude": 0.26}
+    found = steer_env.population("compact", 2, {"load": (0.0, 75.0)}, {"weave": options}, "lugre")
+    for row, load in enumerate(found.parameters["load"]):
+        driven = manoeuvres.drive(cars.load().loaded(load), manoeuvres.make("weave", **options), "lugre")
+        assert driven.meta["amplitude_rad"] == 0.26
+        for name, value in metrics.evaluate(thinned(driven, 10), intervals=False).items():
+            assert found.outputs[f"weave.{name}"][row] == pytest.approx(value.value, rel=1e-12), name
+
+
+def test_one_trace_at_a_time_is_in_memory(monkeypatch):
+    """That of a car is freed before the next is driven, also where metrics are refused: 3 cycles are too few."""
+    traces, before, evaluate = [], [], metrics.evaluate
+
+    def evaluated(recording, **given):
+        before.append(sum(trace() is not None for trace in traces))
+        traces.append(weakref.ref(recording))
+        return evaluate(recording, **given)
+
+    monkeypatch.setattr(driving.metrics, "evaluate", evaluated)
+    given = {"weave": {"frequency": 0.5, "cycles": 3, "amplitude": 0.2}, "hold": {}}
+    gc.disable()
+    try:
+        found = steer_env.population("compact", 3, {"load": (0.0, 75.0)}, given)
+    finally:
+        gc.enable()
+    assert found.refused
+    assert before == [0] * 6
+    assert not any(trace() for trace in traces)
+
+
+def test_a_large_population_has_few_cases():
+    """Each has a car, so that their number bounds the memory; every car is in one of them."""
+    cases = []
+
+    def sweep(function, blocks, **_):
+        cases.extend(blocks)
+        return [[Outputs({}, {}) for _ in block.rows] for block in blocks]
+
+    assert population.collect(study(), 10_000, sweep=sweep).parameters["column.K_tb"].size == 10_000
+    assert len(cases) <= population.BLOCKS
+    assert {len(case.rows) for case in cases[:-1]} == {79}
 
 
 @pytest.mark.whole
@@ -171,6 +220,9 @@ def test_bad_input(words, message, tmp_path, capsys):
         ({"n": 0}, "n must be a whole number of at least 1, got 0"),
         ({"manoeuvre": "slalom"}, "manoeuvre must be one of .*weave.*, got 'slalom'"),
         ({"manoeuvre": ()}, "manoeuvre must be one or more of"),
+        ({"manoeuvre": {"weave": {"size": 1}}}, "weave has no option 'size'; there are frequency, cycles, amplitude"),
+        ({"manoeuvre": {"weave": {"amplitude": 0.0}}}, "amplitude must be finite and greater than 0, got 0.0"),
+        ({"manoeuvre": {"weave": 0.2}}, "manoeuvre: the options of weave must be a mapping, got 0.2"),
         ({"ranges": {}}, "ranges must map one or more parameters"),
         ({"distribution": "beta"}, "distribution must be one of uniform, normal, got 'beta'"),
         ({"seed": -1}, "seed must be a whole number of at least 0, got -1"),

@@ -1,5 +1,6 @@
 """Manoeuvres as driven, and what the friction law changes in them."""
 
+import math
 import subprocess
 import sys
 from dataclasses import replace
@@ -110,6 +111,8 @@ def test_mirror_image():
 def test_the_definition_names_the_speed_and_the_aim_that_are_driven():
     weave = manoeuvres.make("weave")
     assert weave.definition.endswith("amplitude for 2 m/s2 at 100 km/h.")
+    fixed = manoeuvres.make("weave", amplitude=math.radians(15.0)).definition
+    assert fixed == "Sine of handwheel angle, 15 deg at 0.2 Hz, 12 cycles at 100 km/h."
     assert replace(weave, speed=80 / 3.6, lateral_acceleration=3.0).definition.endswith("for 3 m/s2 at 80 km/h.")
     assert manoeuvres.make("rig").definition.endswith("5 cycles on a rig.")
 

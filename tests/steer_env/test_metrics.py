@@ -1,13 +1,17 @@
 """Metrics against loops whose answers are known in closed form."""
 
+import gc
 import subprocess
 import sys
+import weakref
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from steer_env import manoeuvres, metrics
 from steer_env.metrics.common import definitions
+from steer_env.metrics.common.confidence import trend
 from steer_env.metrics.common.registry import EVALUATIONS
 from steer_env.recording.recording import DEGREE, Recording
 from steer_env.vehicle import cars
@@ -94,6 +98,21 @@ def test_gradients_of_a_curved_car_do_not_depend_on_amplitude():
 def test_a_rig_whose_car_does_not_turn_has_metrics():
     found = metrics.evaluate(manoeuvres.drive(cars.load(), manoeuvres.make("rig"), "lugre"))
     assert not [name for name, value in found.items() if value.reason]
+
+
+def test_a_trend_is_told_as_scipy_tells_it():
+    """Points of a line with more and more noise; 3 points are the fewest."""
+    random, told = np.random.default_rng(0), []
+    for points, size in ((3, 0.02), (3, 0.5), (12, 1.0), (12, 4.0), (12, 16.0)):
+        x = np.sort(random.uniform(0.0, 10.0, points))
+        y = 0.3 + x + size * random.standard_normal(points)
+        slope, significant = trend(x, y)
+        expected = stats.linregress(x, y)
+        assert slope == pytest.approx(expected.slope, rel=1e-12)
+        assert significant == (expected.pvalue < 0.05)
+        told.append(significant)
+    assert {*told} == {True, False}
+    assert trend(np.arange(3), np.ones(3)) == (0.0, False)
 
 
 def test_left_and_right_are_alike():
@@ -217,6 +236,23 @@ def test_two_cycles_do_for_a_slow_ramp_and_three_for_a_weave():
     assert slow_ramp(linear_car(0.02, cycles=4))["torque_at_0g"].reason == ""
     assert slow_ramp(linear_car(0.02, cycles=3))["torque_at_0g"].reason != ""
     assert weave(linear_car(cycles=5))["torque_at_0g"].reason == ""
+
+
+@pytest.mark.parametrize("test", ["weave", "step-steer", "release", "frequency-response"])
+def test_no_recording_stays_in_memory(test):
+    """Neither by a reading that refers to itself nor by a refusal whose traceback does, without a garbage collector."""
+    recording = manoeuvres.drive(cars.load(), manoeuvres.make(test))
+    alive = weakref.ref(recording)
+    gc.disable()
+    try:
+        found = metrics.evaluate(recording.without("yaw_rate"))
+        metrics.evaluate(recording)
+        metrics.evaluate(recording, speed_m_s=1.0)  # refused altogether
+        del recording
+        assert alive() is None
+    finally:
+        gc.enable()
+    assert any(value.reason for value in found.values())
 
 
 def test_every_metric_is_declared():

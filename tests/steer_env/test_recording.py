@@ -5,6 +5,7 @@ import pickle
 
 import numpy as np
 import pytest
+from scipy import signal
 
 from steer_env.recording.recording import DEGREE, Recording
 
@@ -32,6 +33,15 @@ def test_a_recording_does_not_change(weave):
         weave.time = weave.time + 1
     again = pickle.loads(pickle.dumps(weave))
     np.testing.assert_array_equal(again["yaw_rate"], weave["yaw_rate"])
+
+
+def test_a_recording_copies_what_may_change_and_shares_what_does_not(weave):
+    own, view = np.zeros(1001), np.zeros(1002)[1:]
+    view.flags.writeable = False
+    other = dataclasses.replace(weave, channels={**weave.channels, "yaw_rate": own, "lateral_acceleration": view})
+    assert all(other[name] is weave[name] for name in ("handwheel_angle", "handwheel_torque"))
+    own[0] = view.base[1] = 1.0
+    assert other["yaw_rate"][0] == other["lateral_acceleration"][0] == 0.0
 
 
 @pytest.mark.parametrize(
@@ -83,6 +93,14 @@ def test_low_pass_has_no_phase_and_halves_at_the_cutoff():
         expected = wave[middle] / (1 + (frequency / 5.0) ** 4)
         np.testing.assert_allclose(smooth["a"][middle], expected, atol=1e-3)
         np.testing.assert_allclose(smooth["b"], -7 * smooth["a"], rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize(("cutoff", "rate", "run_in"), [(5.0, 100.0, 20), (10.0, 1000.0, 100), (5.0, 20.0, 4)])
+def test_low_pass_is_scipys_to_the_bit(cutoff, rate, run_in):
+    values = np.random.default_rng(0).standard_normal(500).cumsum()
+    found = Recording(np.arange(500) / rate, {"a": values}, {"a": "1"}).filtered(cutoff)["a"]
+    expected = signal.sosfiltfilt(signal.butter(2, cutoff, fs=rate, output="sos"), values, padlen=run_in)
+    np.testing.assert_array_equal(found, expected)
 
 
 def test_what_the_low_pass_refuses(weave):

@@ -196,7 +196,7 @@ def test_a_car_of_a_mapping_is_that_of_a_file(tmp_path):
         ({"vehicle": {"base": "tank"}}, "base must be one of .*, got 'tank'"),
         ({"vehicle": {"chassis": {}}}, "car lacks name, .*base: "),
         ({"vehicle": {"base": "compact", "chassis": {"mas": 1}}}, "chassis has no key 'mas'"),
-        ({"vehicle": 3}, "vehicle must be a name, a path or a mapping as a car file, got a int"),
+        ({"vehicle": 3}, "vehicle must be a name, a path, a Car or a mapping as a car file, got a int"),
     ],
 )
 def test_bad_forms(arguments, message):

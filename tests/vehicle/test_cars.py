@@ -341,7 +341,9 @@ def test_changes_set_keys():
     car = cars.load("compact", changes={"column.K_tb": 143.0, "tyre": "example_mf52", "name": "stiff"})
     assert (car.column.K_tb, car.tyre.name, car.name) == (143.0, "example_mf52", "stiff")
     assert same(car, cars.load({**CAR.data(), "name": "stiff", "tyre": "example_mf52", "column": {"K_tb": 143.0}}))
-    assert cars.load("compact") is CAR
+    assert cars.load("compact") is cars.load(CAR) is CAR
+    assert same(car, cars.load(CAR, {"column.K_tb": 143.0, "tyre": "example_mf52", "name": "stiff"}))
+    assert car.kinematics_table is CAR.kinematics_table  # which takes long to solve
     for changes, message in (
         ({"column.K": 1.0}, "column has no key 'K'; it takes: I1, I2, K_tb"),
         ({"colum.K_tb": 1.0}, r"a car has no 'colum\.K_tb'; it has chassis\.KEY, .*, name, "),

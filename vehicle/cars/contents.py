@@ -42,7 +42,7 @@ BY_HAND = "was replaced in the car by what no car file gives: change its keys by
 def data(car: "Car") -> dict[str, Any]:
     """Contents of a car file, as :meth:`Car.data` says."""
     given = car.given
-    strut = MacPherson.load(given["strut"]).at_track(car.chassis["front_track"])
+    strut = MacPherson.packaged(given["strut"], car.chassis["front_track"])
     if (strut.points, strut.loaded_radius) != (car.strut.points, car.strut.loaded_radius):
         raise ValueError(f"strut {BY_HAND}")
     found = {

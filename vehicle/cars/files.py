@@ -69,7 +69,7 @@ def _checked(data: dict[str, Any]) -> Car:
     for key in data["assumed"]:
         if key not in assumed:
             raise ValueError(f"assumed names {key!r}, which is neither a section nor a key of chassis or steering")
-    strut = MacPherson.load(data["strut"]).at_track(chassis["front_track"])
+    strut = MacPherson.packaged(data["strut"], chassis["front_track"])
     car = Car(
         name=data["name"],
         description=data["description"],
@@ -86,8 +86,9 @@ def _checked(data: dict[str, Any]) -> Car:
     return car
 
 
+@lru_cache(maxsize=32)
 def _kinematics(strut: MacPherson, rack_limit: float) -> kinematics_table.KinematicsTable:
-    """The table of a strut as far as the rack goes when it is pressed against its stop."""
+    """The table of a strut as far as the rack goes when it is pressed against its stop; cars share it."""
     try:
         return kinematics_table.build(strut, rack=rack_limit + PRESSED)
     except ValueError as error:
@@ -209,11 +210,13 @@ def available() -> tuple[str, ...]:
 
 
 def load(
-    name: str | PathLike[str] | Mapping[str, Any] = "compact",
+    name: str | PathLike[str] | Mapping[str, Any] | Car = "compact",
     changes: Mapping[str, Any] | None = None,
     steering: str | None = None,
 ) -> Car:
     """A packaged car by name, or a car of your own from a ``.toml`` or ``.json`` file or a mapping with its contents.
+
+    A :class:`Car` is itself.
 
     A file has the sections of the packaged ones (``vehicle/data/cars``), in SI units. With a key ``base`` it takes from
     that packaged car what it does not give itself. The path of a tyre file (``tyre = "my.tir"``) is relative to the
@@ -239,10 +242,14 @@ def load(
     UnusualCar
         As in :func:`from_data`, with the name of the file and the line.
     """
-    if isinstance(name, Mapping):
+    if isinstance(name, Car):
+        car = name
+    elif isinstance(name, Mapping):
         car = from_data(_completed(name, "mapping", Path()))
     elif not isinstance(name, str | PathLike):
-        raise ValueError(f"vehicle must be a name, a path or a mapping as a car file, got a {type(name).__name__}")
+        raise ValueError(
+            f"vehicle must be a name, a path, a Car or a mapping as a car file, got a {type(name).__name__}"
+        )
     else:
         car = _from_file(Path(name)) if _is_file(name) else _packaged(fspath(name))
     if steering is not None:

@@ -212,12 +212,13 @@ def read(frequency: Array, L: NDArray[np.complex128], stable: bool = True) -> Ma
     phase = delay = gain = math.inf
     if not L.any():  # a set-valued law at rest holds the column
         return Margins(gain, phase, delay, 2.0, math.nan, stable)
-    size, angle = np.log(np.abs(L)), np.unwrap(np.angle(L))
+    size, angle = np.log(np.abs(L)), np.angle(L)
     crossover = math.nan
     for i in np.flatnonzero(np.signbit(size[1:]) != np.signbit(size[:-1])):
         s = size[i] / (size[i] - size[i + 1])
         f = float(frequency[i] * (frequency[i + 1] / frequency[i]) ** s)
-        lag = (angle[i] + s * (angle[i + 1] - angle[i]) + math.pi) % (2.0 * math.pi)  # that may be added
+        turn = (angle[i + 1] - angle[i] + math.pi) % (2.0 * math.pi) - math.pi
+        lag = (angle[i] + s * turn + math.pi) % (2.0 * math.pi)  # that may be added
         phase, delay = min(phase, lag, 2.0 * math.pi - lag), min(delay, lag / (2.0 * math.pi * f))
         crossover = f
     for i in np.flatnonzero(np.signbit(L.imag[1:]) != np.signbit(L.imag[:-1])):
@@ -240,18 +241,27 @@ def _response(system: control.StateSpace, z: NDArray[np.complex128]) -> NDArray[
 def of_slopes(c: Column, a: Assist, slopes: Iterable[tuple[float, float]], speed: float) -> list[Margins]:
     """Margins of :func:`hands_fixed_loop` at each pair of slopes, of boost and functions [1], at a speed [m/s].
 
-    The plant is read once for all, and the answer to the torque, which is linear in the slope of the boost, at 0 and 1.
+    The plant is read once for all, and the answer to the torque, which is linear in both slopes, without them and with
+    a slope of 1.
     """
     plant, none, one = hands_fixed_plant(c, a, speed)[0, 0], answer(a, 0.0, 0.0), answer(a, 1.0, 0.0)
     z = np.exp(2j * math.pi * FREQUENCIES * SAMPLE_TIME)
     P, others, lead = (_response(system, z) for system in (plant, none, one - none))
-    found = []
-    for boost, more in slopes:
-        B, D = none.B + boost * (one.B - none.B), none.D + boost * (one.D - none.D) + more
-        closed = np.block([[plant.A + plant.B @ D @ plant.C, plant.B @ one.C], [B @ plant.C, one.A]])
-        stable = bool(np.abs(np.linalg.eigvals(closed)).max() < 1.0)
-        found.append(read(FREQUENCIES, -(others + boost * lead + more) * P, stable))  # (E6)
-    return found
+    own, boost, more = (
+        np.block([[A + plant.B @ D @ plant.C, plant.B @ C], [B @ plant.C, K]])
+        for A, B, C, D, K in (
+            (plant.A, none.B, one.C, none.D, one.A),
+            (0.0 * plant.A, one.B - none.B, 0.0 * one.C, one.D - none.D, 0.0 * one.A),
+            (0.0 * plant.A, 0.0 * none.B, 0.0 * one.C, np.eye(1), 0.0 * one.A),
+        )
+    )
+    pairs = list(slopes)
+    if not pairs:
+        return []
+    poles = np.linalg.eigvals([own + slope * boost + other * more for slope, other in pairs])
+    stable = np.abs(poles).max(axis=1) < 1.0
+    loops = (-(others + slope * lead + other) * P for slope, other in pairs)  # (E6)
+    return [read(FREQUENCIES, L, bool(holds)) for L, holds in zip(loops, stable)]
 
 
 def margins(c: Column, a: Assist, gain: float, speed: float, slope: float = 0.0) -> Margins:

@@ -10,7 +10,7 @@ radians. Arrays broadcast over a leading shape ``...``; a plain number is the em
 
 import json
 from collections.abc import Mapping
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import combinations
 from pathlib import Path
 from types import MappingProxyType
@@ -229,6 +229,12 @@ class MacPherson:
             raise ValueError(f"no strut named {name!r}; packaged: {', '.join(available())}")
         data = json.loads((DATA / f"{name}.json").read_text(encoding="utf-8"))
         return cls(data["points_m"], data["loaded_radius_m"])
+
+    @staticmethod
+    @lru_cache(maxsize=32)
+    def packaged(name: str, track: float) -> "MacPherson":
+        """:meth:`load` and :meth:`at_track`; itself again when asked for again, as by cars that differ in a value."""
+        return MacPherson.load(name).at_track(track)
 
     def at_track(self, track: float) -> "MacPherson":
         """The same strut moved along y, so that the distance of the wheel centres is ``track`` [m]."""

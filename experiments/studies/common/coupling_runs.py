@@ -105,7 +105,7 @@ def transports(car: Car, law: str, unit: bytes) -> tuple[list[Transport], Measur
 
     The times are of a communication step with that of the steering, on the wall, over those in this process.
     """
-    weave = replace(manoeuvres.make("weave"), amplitude=0.25)
+    weave = manoeuvres.make("weave", amplitude=0.25)
     ways = {
         "FMU": _vehicle(unit),
         "FMU in its own process": _vehicle(unit, own_process=True),

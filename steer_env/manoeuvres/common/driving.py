@@ -352,7 +352,7 @@ def drive_plant(
     _require_stable(p, manoeuvre, [manoeuvre.speed])
     record, steered, advice = _driven(car, p, manoeuvre, prepared, substeps, simulator)
     names = simulator.channels(p)
-    channels = {names[i][0]: record[:, i].copy() for i in _given(record)}
+    channels = {names[i][0]: record[:, i] for i in _given(record)}
     held = channels.get("vehicle_speed", np.full(len(record), manoeuvre.speed))
     channels["vehicle_speed"] = channels.get("longitudinal_speed", held)
     if "longitudinal_speed" in channels:

@@ -1,4 +1,4 @@
-"""The 95 % interval of a mean over few repeats, and of the difference of two means.
+"""The 95 % interval of a mean over few repeats, of the difference of two means, and whether repeats have a trend.
 
 From 16 repeats on, the interval is a bootstrap interval from the percentiles of the means of resamples. The percentiles
 are expanded to correct for the small number of values: plain percentiles of ten values cover the mean in about 90 % of
@@ -9,6 +9,7 @@ Source: Hesterberg, The American Statistician 69 (2015) 371, expanded percentile
 """
 
 from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,3 +59,12 @@ def difference(a: NDArray[np.float64], b: NDArray[np.float64]) -> tuple[float, f
     freedom = squares.sum() ** 2 / (squares**2 / (np.array([a.size, b.size]) - 1)).sum()
     reach = float(special.stdtrit(freedom, 0.5 + 0.5 * LEVEL) * np.sqrt(squares.sum()))
     return gap, gap - reach, gap + reach
+
+
+def trend(x: NDArray[Any], y: NDArray[np.float64]) -> tuple[float, bool]:
+    """Slope of the least-squares line through three points or more, and whether it is told from none at 95 %."""
+    u, v = x - x.mean(), y - y.mean()
+    slope = float(u @ v / (u @ u))
+    left = v - slope * u
+    error = np.sqrt(left @ left / (x.size - 2) / (u @ u))
+    return slope, bool(abs(slope) > special.stdtrit(x.size - 2, 0.5 + 0.5 * LEVEL) * error)

@@ -7,7 +7,7 @@ from secondary sources.
 """
 
 from collections.abc import Mapping
-from functools import cache, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from scipy.integrate import cumulative_trapezoid
 from steer_env.metrics.common import decay
 from steer_env.metrics.common.definitions import Bounded, RefusedError, metric, register_evaluation
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, SPEED, YAW, FilteredChannels
+from steer_env.metrics.common.kept import kept
 from steer_env.metrics.common.noise import in_band
 from steer_env.recording.recording import DEGREE, Recording
 
@@ -41,7 +42,6 @@ class Crosswind:
             raise RefusedError(
                 f"{ANGLE} is not held: keep it within {TURNED / DEGREE:g} deg, or evaluate the test as crosswind-free"
             )
-        self._sections = cache(self._cut)
 
     def _gust_starts(self, conditions: Mapping[str, Any]) -> np.ndarray:
         """Start of each gust [s]; refused where the recording does not contain them."""
@@ -62,7 +62,8 @@ class Crosswind:
             )
         return self.time[0] + SEGMENT * np.arange(count)
 
-    def _cut(self, name: str) -> list[tuple[np.ndarray, np.ndarray]]:
+    @kept
+    def _sections(self, name: str) -> list[tuple[np.ndarray, np.ndarray]]:
         """Time from the start of each gust [s], and the channel relative to its mean before the gust."""
         if not self._gusts:
             raise RefusedError("no gust_start_s: say when the gust began, in the meta or as a condition")

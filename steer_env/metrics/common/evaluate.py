@@ -62,8 +62,8 @@ def check(recording: Recording, speed: float | None) -> None:
     RefusedError
         If a channel is in another unit than it says.
     """
-    _check_motion(recording, speed)
-    angle, torque = (_size(recording, name) for name in (ANGLE, TORQUE))
+    angle, torque, yaw, ay = (_size(recording, name) for name in (ANGLE, TORQUE, YAW, AY))
+    _check_motion(recording, speed, angle, yaw, ay)
     most = BEYOND * (STIFFEST * angle + COLUMN_FRICTION)
     if angle > 0.0 and most < torque <= PLAUSIBLE[TORQUE]:  # beyond that the torque is wrong
         raise RefusedError(
@@ -72,9 +72,8 @@ def check(recording: Recording, speed: float | None) -> None:
         )
 
 
-def _check_motion(recording: Recording, speed: float | None) -> None:
-    """Refuse a recording whose motion and handwheel angle contradict each other."""
-    angle, yaw, ay = (_size(recording, name) for name in (ANGLE, YAW, AY))
+def _check_motion(recording: Recording, speed: float | None, angle: float, yaw: float, ay: float) -> None:
+    """Refuse a recording whose motion and handwheel angle contradict each other, by their sizes [SI]."""
     v = abs(float(np.nanmean(recording[SPEED]))) if recording.units.get(SPEED) == "m/s" else speed
     if v is None or not v >= LEAST_SPEED or not angle > 0.0:
         return
@@ -170,7 +169,7 @@ def evaluate(
 
     reading = again(recording)
     repeats = _repeats(names, reading)
-    filter_change = dict.fromkeys(names, 0.0)
+    filter_change: dict[str, float | None] = dict.fromkeys(names)
     if intervals:
         filtered_twice = DoubleFiltered(recording.time, recording.channels, recording.units, recording.meta)
         others = _repeats(names, again(filtered_twice))
@@ -189,8 +188,7 @@ def evaluate(
     found = {}
     for name, values in repeats.items():
         widening = [(doubt, max(change[name] for change in of)) for doubt, of in changes]
-        value = _value(definition(name), values, widening, filter_change[name])._replace(notes=notes)
-        found[name] = value if intervals else value._replace(low=np.nan, high=np.nan)
+        found[name] = _value(definition(name), values, widening, filter_change[name])._replace(notes=notes)
     return found
 
 
@@ -243,7 +241,7 @@ def _read(recording: Recording, test: str | None, given: Mapping[str, Any]) -> A
     try:
         return read(recording, test, **given)
     except RefusedError as error:
-        return error
+        return RefusedError(str(error))  # without the traceback, as in `_computed`
 
 
 def _repeats(names: tuple[str, ...], reading: Any) -> dict[str, Bounded | RefusedError]:
@@ -300,18 +298,14 @@ def _computed(entry: Metric, found: Any) -> Bounded | RefusedError:
         if not np.all(np.isfinite(values)):
             raise RefusedError("the recording gives no finite value of this metric")
     except RefusedError as refused:
-        return refused
+        return RefusedError(str(refused))  # the traceback of this one holds the recording, in a circle with a frame
     return Bounded(values, below * scale, above * scale)
 
 
 def _value(
-    entry: Metric, found: Bounded | RefusedError, widening: Sequence[tuple[Doubt, float]], filter_change: float
+    entry: Metric, found: Bounded | RefusedError, widening: Sequence[tuple[Doubt, float]], filter_change: float | None
 ) -> Value:
-    """Mean over the repeats and its interval, or the reason for which there is none.
-
-    The interval is widened by the sum of ``widening`` at either end and, where it comes from repeats, by
-    ``filter_change``.
-    """
+    """Mean over the repeats and its interval (none where ``filter_change`` is None), or the reason for a refusal."""
     if not isinstance(found, RefusedError):
         for doubt, size in widening:
             if np.isinf(size):
@@ -319,13 +313,19 @@ def _value(
                 break
     if isinstance(found, RefusedError):
         return Value(np.nan, np.nan, np.nan, entry.unit, str(found))
-    repeats = found.values
-    mean = float(repeats.mean())
+    change, ends = sum((size for _, size in widening), 0.0), (np.nan, np.nan)
+    if filter_change is not None:
+        ends = _interval(found, change, filter_change)
+    return Value(float(found.values.mean()), *ends, entry.unit, repeats=tuple(found.values.tolist()))
+
+
+def _interval(found: Bounded, change: float, filter_change: float) -> tuple[float, float]:
+    """The interval of the mean, widened by ``change`` at either end and, of several repeats, by ``filter_change``."""
+    repeats, mean = found.values, float(found.values.mean())
     low, high = interval(repeats)
-    change = sum((size for _, size in widening), 0.0)
     if repeats.size > 1 and np.isfinite(filter_change) and filter_change > ROUNDING * abs(mean):
         change += filter_change
     below, above = change + found.below, change + found.above
     if below or above:
         low, high = (low - below, high + above) if repeats.size > 1 else (mean - below, mean + above)
-    return Value(mean, low, high, entry.unit, repeats=tuple(repeats.tolist()))
+    return low, high

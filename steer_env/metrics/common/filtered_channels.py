@@ -1,11 +1,10 @@
 """Channels of a recording as the metrics use them: with checked units, and low-passed without a phase shift."""
 
-from functools import cache
-
 import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.metrics.common.definitions import RefusedError
+from steer_env.metrics.common.kept import kept
 from steer_env.recording.recording import Recording, low_passed
 from steer_env.recording.units import COUNTS
 from steer_env.vehicle import plant
@@ -32,12 +31,13 @@ class FilteredChannels:
     def __init__(self, recording: Recording, cutoff: float) -> None:
         self.time, self.recording = recording.time, recording
         self.passes = 2 if isinstance(recording, DoubleFiltered) else 1
-        self._smooth = cache(lambda name: self._filtered(name, cutoff))
+        self._cutoff = cutoff
 
-    def _filtered(self, name: str, cutoff: float) -> NDArray[np.float64]:
+    @kept
+    def _smooth(self, name: str) -> NDArray[np.float64]:
         values = self._channel(name)
         for _ in range(self.passes):
-            values = low_passed(name, values, cutoff, self.recording.rate)
+            values = low_passed(name, values, self._cutoff, self.recording.rate)
         return values
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:

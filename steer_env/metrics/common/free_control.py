@@ -5,7 +5,7 @@ positive towards the side of the turn or of the pulse, so that the offset of a s
 and to the right and drops out. Time ranges and bands are assumed.
 """
 
-from functools import cache, partial
+from functools import partial
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from steer_env.metrics.common import decay
 from steer_env.metrics.common.definitions import RefusedError, metric
 from steer_env.metrics.common.filtered_channels import ANGLE, TORQUE, YAW
 from steer_env.metrics.common.free_hands import Pulses, Releases
+from steer_env.metrics.common.kept import kept
 from steer_env.recording.recording import Recording
 
 FREE = 4.0  # time for which the hands must stay off [s]
@@ -28,7 +29,6 @@ class FreeControl:
 
     def __init__(self, recording: Recording, conditions: object, kind: type[Releases | Pulses]) -> None:
         self.events = kind(recording, FREE)
-        self.decays = cache(self._decays)
 
     def peak_acceleration(self) -> float:
         """Largest lateral acceleration [g]."""
@@ -69,7 +69,8 @@ class FreeControl:
         found = [decay.lowest(*self.events.section(YAW, k, 0.0, 1.5)) for k in range(len(self.events))]
         return np.array([t for t, _ in found]), np.array([y for _, y in found])
 
-    def _decays(self) -> list[decay.Decay]:
+    @kept
+    def decays(self) -> list[decay.Decay]:
         """The oscillation after each event, from its first extreme to the other side."""
         begin, found = self.opposite()[0], []
         for k, t in enumerate(begin):

@@ -4,8 +4,8 @@ Both are found in the hand torque, which is low-passed without a phase shift: th
 at the same time as the unfiltered one.
 """
 
+from collections.abc import Callable
 from copy import copy
-from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from steer_env.metrics.common.definitions import RefusedError
 from steer_env.metrics.common.events import integral, runs
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE, FilteredChannels
+from steer_env.metrics.common.kept import kept
 from steer_env.recording.recording import Recording
 from steer_env.vehicle.constants import GRAVITY as G
 
@@ -37,8 +38,6 @@ class Events:
         self.smooth, self.free = FilteredChannels(recording, CUTOFF), free
         self.time = recording.time
         self.start, self.side = np.zeros(0), np.zeros(0)
-        self._integral = cache(lambda name: integral(self.time, self.smooth[name]))
-        self.zero = cache(self._zero)  # (name, event) -> the value from which a channel counts at that event
 
     def section(self, name: str, event: int, begin: float, end: float) -> tuple[Array, Array]:
         """Time from the start of an event [s] and the channel, from ``begin`` to ``end`` after the start."""
@@ -54,7 +53,12 @@ class Events:
         total = self._integral(name)
         return self.side * ((total(self.start + end) - total(self.start + begin)) / (end - begin) - zero)
 
-    def _zero(self, name: str, event: int) -> float:
+    @kept
+    def _integral(self, name: str) -> Callable[[Array], Array]:
+        return integral(self.time, self.smooth[name])
+
+    def zero(self, name: str, event: int) -> float:
+        """The value from which a channel counts at an event."""
         return 0.0
 
     def __len__(self) -> int:
@@ -152,7 +156,8 @@ class Pulses(Events):
             )
         self.start, self.side, self._begin = np.array(start), np.array(side), np.array(begin)
 
-    def _zero(self, name: str, event: int) -> float:
+    @kept
+    def zero(self, name: str, event: int) -> float:
         """Mean of a channel in the half second before the pulse."""
         straight = (self.time > self._begin[event] - 0.5) & (self.time < self._begin[event])
         return float(self.smooth[name][straight].mean())

@@ -8,7 +8,7 @@ relative to their mean from two seconds to one second before the pass, where the
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import cache, cached_property, partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,7 @@ from scipy.interpolate import CubicSpline
 from steer_env.courses import iso3888
 from steer_env.metrics.common.definitions import SPEED_SPREAD, Array, Bounded, RefusedError, metric, register_evaluation
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, SPEED, TORQUE, YAW, FilteredChannels
+from steer_env.metrics.common.kept import kept
 from steer_env.metrics.common.noise import in_band
 from steer_env.recording.recording import DEGREE, Recording
 
@@ -67,7 +68,6 @@ class Passes:
         c, s = np.cos(conditions["entry_yaw_rad"]), np.sin(conditions["entry_yaw_rad"])
         yaw = self._smooth["yaw_angle"] - conditions["entry_yaw_rad"]
         self._pose = CubicSpline(self._time, np.column_stack([c * east + s * north, c * north - s * east, yaw]))
-        self._lags, self._samples = cache(self._correlated), cache(self._read)
         self._find(self._pose(self._time)[:, 0] + self._car.centre)
         if conditions.get("speed_m_s") and SPEED in self._smooth and self._times.size:
             found = self.speed(0)
@@ -164,7 +164,8 @@ class Passes:
             found.append(float(np.all(in_lane)))
         return np.array(found)
 
-    def _read(self, name: str) -> list[tuple[Array, Array]]:
+    @kept
+    def _samples(self, name: str) -> list[tuple[Array, Array]]:
         """For each pass the instants [s] and the values of a channel, less its mean in straight running."""
         curve, found = CubicSpline(self._time, self._smooth[name]), []
         for t in self._instants(LAG_STEP):
@@ -212,7 +213,8 @@ class Passes:
         self.steered(name)
         return np.array([lag for lag, _ in self._lags(name)])
 
-    def _correlated(self, name: str) -> list[tuple[float, float]]:
+    @kept
+    def _lags(self, name: str) -> list[tuple[float, float]]:
         """For each pass the lag [s] of a channel's best correlation with the handwheel angle, and the correlation [1].
 
         The handwheel speed is compared with the derivative of the handwheel angle.

@@ -20,18 +20,15 @@ The loop y(x) of a cycle has a rising and a falling branch, separated by the tur
 """
 
 from collections.abc import Mapping
-from copy import copy
-from functools import cache
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy import stats
-from scipy.interpolate import CubicSpline
 
-from steer_env.metrics.common.confidence import LEVEL
+from steer_env.friction.numerics.interpolation import spline
+from steer_env.metrics.common.confidence import trend
 from steer_env.metrics.common.definitions import SPEED_SPREAD, Doubt, RefusedError
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, CHANNELS, SPEED, TORQUE, YAW, FilteredChannels
+from steer_env.metrics.common.kept import anew, kept
 from steer_env.metrics.common.straight import STANDING, TOLD, told
 from steer_env.recording.recording import DEGREE, Recording
 from steer_env.vehicle.constants import GRAVITY as G
@@ -70,9 +67,7 @@ class Loops:
         # The dropped cycles remain as margins, because a branch may begin up to half a cycle before its cycle.
         self._time = np.interp(np.arange((self.count + 2) * SAMPLES) / SAMPLES, np.arange(self.count + 3), starts)
         self._sharp = FilteredChannels(recording, min(PEAK_CUTOFF, recording.rate / 4))
-        self._spline = cache(_spline)
         self._bend, self._late = 0.0, dict.fromkeys(CHANNELS, 0.0)  # mean yaw rate [rad/s], delays to remove [s]
-        self._forget()
         span = np.ptp(self.cycles(AY if AY in self._smooth else ANGLE), axis=1)
         if np.any(np.abs(span - np.median(span)) > SPREAD * np.median(span)):
             raise RefusedError(f"the cycles' amplitudes are over {SPREAD:.0%} apart: hold angle and speed")
@@ -82,25 +77,26 @@ class Loops:
             if np.any(np.abs(speed - self._speed) > SPEED_SPREAD * np.abs(self._speed)):
                 raise RefusedError(f"{SPEED} differs between cycles by over {SPEED_SPREAD:.0%}: hold it constant")
 
-    def _forget(self) -> None:
-        """Compute anew what several metrics use."""
-        self._drift_free = cache(lambda name: self._without_drift(self._raw(self._smooth, name)))
-        self._harmonic = cache(self._first_harmonic)
-        self.zero = cache(self._zero)
-        self._samples = cache(lambda name: self._drift_free(name) - self.zero(name))
-        self.fundamental, self.peak = cache(self._fundamental), cache(self._peak)
-        self.at, self.slope = cache(self._at), cache(self._slope)
-
     def _otherwise(self, bend: float = 0.0, **late: float) -> "Loops":
         """The same loops on a road with a mean yaw rate of ``bend`` [rad/s], or with channels that are ``late`` [s]."""
-        other = copy(self)
+        other = anew(self)
         other._bend, other._late = bend, {**self._late, **late}
-        other._forget()
         return other
 
     def _raw(self, channels: FilteredChannels, name: str) -> np.ndarray:
         """Samples ((count + 2) SAMPLES,) of a channel."""
-        return np.asarray(self._spline(channels, name)(self._time + self._late[name]))
+        thin = slice(None, None, max(int(channels.recording.rate / (SAMPLES_PER_CUTOFF * CUTOFF)), 1))
+        x, y, found = channels.time[thin].copy(), channels[name][thin].copy(), np.empty(self._time.size)
+        spline(x, y, self._time + self._late[name], np.empty(x.size), np.empty(x.size), found)
+        return found
+
+    @kept
+    def _drift_free(self, name: str) -> np.ndarray:
+        return self._without_drift(self._raw(self._smooth, name))
+
+    @kept
+    def _samples(self, name: str) -> np.ndarray:
+        return self._drift_free(name) - self.zero(name)
 
     @property
     def _motion(self) -> tuple[str, ...]:
@@ -108,7 +104,8 @@ class Loops:
         shown = (name for name in (AY, YAW) if name in self._smooth and np.any(self._smooth.recording[name]))
         return tuple(shown) if self._speed > STANDING else ()
 
-    def _zero(self, name: str) -> float:
+    @kept
+    def zero(self, name: str) -> float:
         """Reading of a channel where the car goes straight; 0 where the recording does not tell."""
         if not self._motion or name not in TOLD:
             return 0.0
@@ -137,10 +134,11 @@ class Loops:
             return 0.0
         turns = [np.fft.rfft(self._drift_free(n).reshape(-1, SAMPLES))[:, 1] for n in (ANGLE, name)]
         lags = np.angle(turns[0] * turns[1].conj()) / (2 * np.pi) * self.period.mean()
-        fit = stats.linregress(np.arange(lags.size), lags)
-        over = float(fit.slope * 0.5 * np.ptp(self._smooth.time) / self.period.mean())
-        return over if fit.pvalue < 1 - LEVEL and abs(over) > RESOLVED_DRIFT else 0.0
+        rate, told = trend(np.arange(lags.size), lags)
+        over = float(rate * 0.5 * np.ptp(self._smooth.time) / self.period.mean())
+        return over if told and abs(over) > RESOLVED_DRIFT else 0.0
 
+    @kept
     def doubts(self) -> list[Doubt]:
         """What the recording leaves open: whether the road was straight, and how the clocks of the channels go."""
         found = []
@@ -189,14 +187,16 @@ class Loops:
         rise = order @ means / max(order @ order, 1.0)  # one cycle shows no drift
         return samples - rise * (np.arange(samples.size) - samples.size / 2) / SAMPLES
 
-    def _fundamental(self, name: str) -> np.ndarray:
+    @kept
+    def fundamental(self, name: str) -> np.ndarray:
         """Complex amplitude (n,) of the first harmonic; refused if it opposes that of the handwheel angle."""
         angle, harmonic = self._harmonic(ANGLE), self._harmonic(name)
         if np.mean(harmonic * angle.conj()).real <= 0:
             raise RefusedError(f"{name} does not follow {ANGLE}: check the signs, a left turn is positive in both")
         return harmonic
 
-    def _first_harmonic(self, name: str) -> np.ndarray:
+    @kept
+    def _harmonic(self, name: str) -> np.ndarray:
         return np.fft.rfft(self._settled(self._drift_free(name)))[:, 1] * (2 / SAMPLES)
 
     def peak_acceleration(self) -> float:
@@ -214,7 +214,8 @@ class Loops:
         peak = round(-np.angle(self._harmonic(x).mean()) / (2 * np.pi) * SAMPLES)
         return self._settled(samples, peak).reshape(-1, SAMPLES // 2)
 
-    def _at(self, y: str, x: str, level: float) -> np.ndarray:
+    @kept
+    def at(self, y: str, x: str, level: float) -> np.ndarray:
         """y (n, 2) where the falling and the rising branch of x cross ``level``.
 
         Where noise causes several crossings of a branch, y is their mean.
@@ -229,23 +230,25 @@ class Loops:
         """y (n,) on the mean of the branches at x = level."""
         return (self.at(y, x, level) - self.at(y, x, -level)).mean(axis=1) / 2
 
-    def _slope(self, y: str, x: str, level: float = 0.0) -> np.ndarray:
+    @kept
+    def slope(self, y: str, x: str, level: float = 0.0) -> np.ndarray:
         """dy/dx (n,) on the mean of the branches at x = level, within the window of x."""
         window = WINDOW[x]
         u, v = self._branches(y, x)
         slopes = []
-        for centre in (level, -level):
+        for centre in dict.fromkeys((level, -level)):  # one at level zero
             place = (v - centre) / window  # -1 to 1 in the window
             near = np.abs(place) <= 1
             few = near.sum(axis=1).min() < FEWEST_IN_WINDOW
             if place.max(axis=1).min() < 1 or place.min(axis=1).max() > -1 or few:
                 raise RefusedError(f"{x} does not span {centre:.3g} +- {window:.3g} {CHANNELS[x]}: steer further")
-            powers = np.stack([near, near * place, near * place**2])  # of the normal equations
-            moments = np.einsum("ibt,jbt->bij", powers, powers)
-            slopes.append(np.linalg.solve(moments, np.einsum("ibt,bt->bi", powers, u)[..., None])[:, 1, 0] / window)
-        return np.mean(np.reshape(slopes, (2, -1, 2)), axis=(0, 2))
+            powers = np.stack([near, near * place, near * place**2], axis=1)  # of the normal equations
+            fit = np.linalg.solve(powers @ powers.swapaxes(1, 2), powers @ u[..., None])
+            slopes.append(fit[:, 1, 0] / window)
+        return np.mean(np.reshape(slopes, (len(slopes), -1, 2)), axis=(0, 2))
 
-    def _peak(self, name: str) -> np.ndarray:
+    @kept
+    def peak(self, name: str) -> np.ndarray:
         """Half the difference (n,) of samples half a cycle apart, where it is largest in the mean of the cycles.
 
         A separate search for each extreme would take more of the noise for signal.
@@ -274,11 +277,6 @@ def _crossed(u: np.ndarray, v: np.ndarray, x: str, level: float) -> np.ndarray:
     return (np.bincount(row, read) / crossings).reshape(-1, 2)
 
 
-def _spline(smooth: FilteredChannels, name: str) -> CubicSpline:
-    thin = slice(None, None, max(int(smooth.recording.rate / (SAMPLES_PER_CUTOFF * CUTOFF)), 1))
-    return CubicSpline(smooth.time[thin], smooth[name][thin])
-
-
 def _steady_starts(time: np.ndarray, angle: np.ndarray, frequency: float) -> np.ndarray:
     """As :func:`_cycle_starts`; where the zero of the angle clearly drifts, the drift is subtracted before.
 
@@ -289,10 +287,10 @@ def _steady_starts(time: np.ndarray, angle: np.ndarray, frequency: float) -> np.
         return starts
     cuts = np.searchsorted(time, starts)
     means = np.add.reduceat(angle[: cuts[-1]], cuts[:-1])[1:-1] / np.diff(cuts)[1:-1]
-    fit = stats.linregress((starts[1:-2] + starts[2:-1]) / 2, means)
-    if not (fit.pvalue < 1 - LEVEL and abs(fit.slope) * np.ptp(time) > RESOLVED_ZERO):
+    rate, told = trend((starts[1:-2] + starts[2:-1]) / 2, means)
+    if not (told and abs(rate) * np.ptp(time) > RESOLVED_ZERO):
         return starts
-    return _cycle_starts(time, angle - fit.slope * (time - time.mean()), frequency)
+    return _cycle_starts(time, angle - rate * (time - time.mean()), frequency)
 
 
 def _cycle_starts(time: np.ndarray, angle: np.ndarray, frequency: float) -> np.ndarray:
@@ -313,7 +311,8 @@ def _cycle_starts(time: np.ndarray, angle: np.ndarray, frequency: float) -> np.n
     ends = np.array([starts[0] - period, starts[-1] + period])  # cycles may begin or end with the recording
     inside = np.clip(ends, time[0], time[-1])
     starts = np.sort(np.append(starts, inside[np.abs(ends - inside) < END_SLACK * period]))
-    span = np.array([np.ptp(angle[(time >= a) & (time <= b)]) for a, b in pairwise(starts)])
+    cuts = zip(np.searchsorted(time, starts[:-1]), np.searchsorted(time, starts[1:], "right"))
+    span = np.array([np.ptp(angle[i:j]) for i, j in cuts])
     steered, full = (np.flatnonzero(span > fraction * np.median(span)) for fraction in (SPREAD, 1 - SPREAD))
     first, last = max(steered[0] + 1, full[0]), min(steered[-1] - 1, full[-1])
     return starts[first - 1 : last + 3]

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from steer_env.metrics.common.filtered_channels import FilteredChannels
-from steer_env.recording.recording import low_pass
+from steer_env.recording.zero_phase import low_pass
 
 
 def white(channels: FilteredChannels, name: str, cutoff: float) -> float:

@@ -7,7 +7,6 @@ ranges are for passenger cars at 100 km/h, 0.2 Hz and 2 m/s2; they are assumed, 
 from collections.abc import Callable
 
 import numpy as np
-from scipy import stats
 
 from steer_env.metrics.common.definitions import metric
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE, YAW
@@ -103,7 +102,7 @@ def minimum_steering_sensitivity(loops: Loops) -> np.ndarray:
     sensitivity = np.array([1 / loops.slope(ANGLE, AY, level * G) for level in (0.0, 0.05, 0.1)])
     # Where the levels are similar, the lowest one would be the noisiest and biased.
     lower = sensitivity - sensitivity[0]
-    clearly = lower.mean(axis=1) < -2 * stats.sem(lower, axis=1)
+    clearly = lower.mean(axis=1) < -2 * lower.std(axis=1, ddof=1) / np.sqrt(loops.count)
     return sensitivity[np.where(clearly, sensitivity.mean(axis=1), np.inf).argmin()]
 
 

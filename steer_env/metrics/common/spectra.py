@@ -17,8 +17,6 @@ Identification, 2012, section 7.2; Efron, Tibshirani 1993, chapter 11.
 """
 
 from collections.abc import Callable, Mapping
-from copy import copy
-from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,6 +26,7 @@ from scipy import signal, stats
 from steer_env.metrics.common import events
 from steer_env.metrics.common.definitions import Doubt, RefusedError
 from steer_env.metrics.common.filtered_channels import ANGLE, FilteredChannels
+from steer_env.metrics.common.kept import anew, kept
 from steer_env.recording.recording import Recording
 
 Array = NDArray[np.float64]
@@ -98,7 +97,6 @@ class Spectra:
         self.count, self._together = len(self._segments) // together, together
         low, high = conditions["lowest_hz"], conditions["highest_hz"]
         self.frequency = low + SPACING * np.arange(round((high - low) / SPACING) + 1)
-        self._forget()
         power = self._power(ANGLE, ANGLE)[..., 0].real.sum(axis=0)
         weak = self.frequency[power < EXCITED * np.median(power)]
         if weak.size:
@@ -107,25 +105,18 @@ class Spectra:
                 "or name the band that is excited in the meta, e.g. by a mapping, [meta] lowest_hz and highest_hz"
             )
 
-    def _forget(self) -> None:
-        """Compute anew what several metrics use."""
-        self._power, self._transform = cache(self._powers), cache(self._transforms)
-        self._weights = cache(self._weigh)
-        self.responses, self.coherences = cache(self._responses), cache(self._coherences)
-
     def doubts(self) -> list[Doubt]:
         """What the recording leaves open: over which band a response that friction makes uneven is to be averaged."""
         line = self.rate / min(segment.stop - segment.start for segment in self._segments)
-        narrow = copy(self)
+        narrow = anew(self, "_transform")  # which the band does not change
         narrow._triangle = max(NARROW * TRIANGLE, LINES * line)
         if narrow._triangle >= self._triangle:
             return []
-        narrow._forget()
-        narrow._transform = self._transform  # which the band does not change
         remedy = "steer further, so that friction matters less"
         return [Doubt("the band of the estimate", remedy, (narrow,))]
 
-    def _transforms(self, name: str) -> list[Complex]:
+    @kept
+    def _transform(self, name: str) -> list[Complex]:
         """Fourier transform of each segment less its mean, from 0 Hz to above the band; its square is a density."""
         channel, time = self._smooth[name], self._smooth.time
         rest = [np.arange(segment.start, segment.start + round(self._still * self.rate)) for segment in self._segments]
@@ -139,7 +130,8 @@ class Spectra:
             found.append(np.fft.rfft(window * values)[:near])  # without padding, an offset does not leak
         return found
 
-    def _weigh(self, size: int) -> tuple[Array, int, Array]:
+    @kept
+    def _weights(self, size: int) -> tuple[Array, int, Array]:
         """Window of a segment (T,), number of bins of its transform, and the weights of the moments (bins, F, 5)."""
         window = signal.get_window(self._window, size)
         f = np.fft.rfftfreq(size, 1.0 / self.rate)
@@ -152,7 +144,8 @@ class Spectra:
             weight[..., None] * distance[..., None] ** np.arange(5),
         )
 
-    def _powers(self, x: str, y: str) -> Complex:
+    @kept
+    def _power(self, x: str, y: str) -> Complex:
         """Moments (n, F, 5) of the cross power of each repeat around each frequency; of the power where x is y.
 
         Their unit is energy per frequency times bins per frequency.
@@ -176,7 +169,8 @@ class Spectra:
         moment = np.sum(np.diff(window) ** 2) * self.rate**2 / (4.0 * np.pi**2 * np.sum(window**2))
         return float(moment) / self._triangle**2
 
-    def _responses(self, name: str) -> tuple[Complex, Complex]:
+    @kept
+    def responses(self, name: str) -> tuple[Complex, Complex]:
         """Response (F,) to the handwheel angle from all repeats, and (n, F) without each of them."""
         place = np.add.outer(np.arange(3), np.arange(3))
         xx, xy = self._power(ANGLE, ANGLE).real, self._power(ANGLE, name)[..., :3]
@@ -187,7 +181,8 @@ class Spectra:
 
         return fit(xx.sum(axis=0), xy.sum(axis=0)), fit(xx.sum(axis=0) - xx, xy.sum(axis=0) - xy)
 
-    def _coherences(self, name: str) -> tuple[Array, Array]:
+    @kept
+    def coherences(self, name: str) -> tuple[Array, Array]:
         """Squared coherence (F,) of all repeats, and (n, F) without each of them."""
         powers = [self._power(*pair)[..., 0] for pair in ((ANGLE, ANGLE), (name, name), (ANGLE, name))]
         (xx, yy, xy), (a, b, c) = [p.sum(axis=0) for p in powers], [p.sum(axis=0) - p for p in powers]

@@ -5,7 +5,8 @@ A car without any of them has :class:`NoFunctions`. The class selects the kernel
 car needs neither state nor time for them.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from functools import cache
 from inspect import Parameter, Signature, signature
 from typing import Any, NamedTuple
 
@@ -55,13 +56,19 @@ class Signals(NamedTuple):
     speed: float  # of the vehicle, below 0 in reverse [m/s]
 
 
+@cache
+def _parameters(make: Callable) -> Mapping[str, Parameter]:
+    """The parameters of a function by name, read once: every car that is made asks for those of all constructors."""
+    return signature(make).parameters
+
+
 def _own_keys(make: Callable) -> Iterator[Parameter]:
-    return (p for p in signature(make).parameters.values() if p.kind is Parameter.KEYWORD_ONLY)
+    return (p for p in _parameters(make).values() if p.kind is Parameter.KEYWORD_ONLY)
 
 
 def with_keys(make: Callable, *others: Callable) -> Signature:
     """The signature of ``make(*, ..., **more)`` with the keys of every function and of others in place of the last."""
-    own = [p for p in signature(make).parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
+    own = [p for p in _parameters(make).values() if p.kind is not Parameter.VAR_KEYWORD]
     makes = (*(module.make for module in MODULES), *others)
     return signature(make).replace(parameters=[*own, *(key for each in makes for key in _own_keys(each))])
 
@@ -90,7 +97,7 @@ def make(speeds: NDArray[np.float64], dt: float, **keys: Any) -> "Functions | No
     common = {"count": speeds.size, "dt": dt}
     made = {}
     for module in MODULES:
-        taken = signature(module.make).parameters
+        taken = _parameters(module.make)
         given = {key: value for key, value in {**common, **keys}.items() if key in taken}
         made[module.__name__.rpartition(".")[2]] = module.make(**given)
     if not any(np.any(function.gain) for function in made.values()):
@@ -104,7 +111,7 @@ def keys(f: "Functions | NoFunctions", dt: float) -> dict[str, Any]:
     if isinstance(f, Functions):
         for module in MODULES:
             p = getattr(f, module.__name__.rpartition(".")[2])
-            found |= module.keys(p, dt) if "dt" in signature(module.keys).parameters else module.keys(p)
+            found |= module.keys(p, dt) if "dt" in _parameters(module.keys) else module.keys(p)
     return found
 
 
