@@ -32,7 +32,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     text = f"which controllers are scored in: {', '.join(SUITES)}"
     parser.add_argument("--suite", metavar="NAME", choices=tuple(SUITES), help=text)
     most = options.whole_number(2, options.MOST_EPISODES)
-    options.add(parser, "--episodes", "of every controller in every id, held out", EPISODES, type=most)
+    options.add(parser, "--episodes", "of every controller in every id, held out", otherwise=str(EPISODES), type=most)
     text = "file with salt and seeds of a round, in place of the held-out seeds that everybody knows"
     parser.add_argument("--round", metavar="FILE.json", type=Path, help=text)
     text = "draw --episodes secret seeds and a salt into this file, print its hash to be published, and do no more"
@@ -54,23 +54,27 @@ def run(args: argparse.Namespace) -> int:
     from steer_env.experiments.pages.files import usable, write_text
     from steer_env.experiments.pages.options import progress
 
+    if sum(map(bool, (args.suite, args.verify, args.new_round))) != 1:
+        raise ValueError(f"give one of --suite ({', '.join(SUITES)}), --verify and --new-round")
+    if args.episodes and (args.round or args.verify):
+        raise ValueError("--episodes has no effect here, as the round or the result has its seeds: leave it out")
+    episodes = args.episodes or EPISODES
     if args.new_round:
         if args.new_round.exists():
             raise ValueError(f"--new-round {args.new_round} is there already: give a new file")
-        drawn = benchmark.drawn_round(args.episodes)
+        drawn = benchmark.drawn_round(episodes)
         write_text(args.new_round, benchmark.text_of_round(drawn))
         print(drawn.sha256)
         return 0
     if args.verify:
         return _verify(args)
-    if args.suite is None:
-        raise ValueError(f"--suite must name the suite: {', '.join(SUITES)}")
 
     from steer_env.experiments.reports import benchmark_page
 
     usable(args.out)
+    benchmark_page.read(args.out)  # a file that the table cannot take is told before the work
     of = benchmark.suite(args.suite)
-    seeds = benchmark.read_round(args.round) if args.round else benchmark.held_out_round(args.episodes)
+    seeds = benchmark.read_round(args.round) if args.round else benchmark.held_out_round(episodes)
     if args.published not in (None, seeds.sha256):
         raise ValueError(f"salt and seeds have the SHA-256 {seeds.sha256}, not the one published, {args.published}")
     entries = [_entry(text, of) for text in args.controllers or of.baselines()]

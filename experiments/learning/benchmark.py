@@ -42,7 +42,9 @@ from steer_env.registration import id_of
 from steer_env.tasks.common.definition import COST_LIMIT
 
 TOLD = Path(__file__).with_name("controllers.toml")  # terms of the controllers that are not trained
-SEEDS = range(1_000_000_000, 2_000_000_000)  # of which those of a round are drawn; no other episode has one of them
+SEEDS = range(
+    1_000_000_000, 2_000_000_000
+)  # of which those of a round are drawn, apart from the fixed ones of this package
 KINDS = BASELINE, POLICY, CLASS = "baseline", "policy", "class"  # of controllers
 KEYS = frozenset({"suite", "controller", "round", "score", "parts", "episodes", "program", "sha256"})  # of a result
 CONTROLLER, ZERO, REFERENCE = "controller", "zero", "reference"  # whose episodes a result holds
@@ -148,17 +150,14 @@ def entry(text: str, of: Suite) -> Entry:
     if text == SHIPPED:
         return _policies(SHIPPED, policy.SHIPPED_IN, of)
     if text.endswith(".zip") or Path(text).is_dir():
-        return _policies(Path(text).resolve().stem if Path(text).is_dir() else _folder(text), Path(text), of)
+        place = Path(text).resolve()
+        return _policies(place.name if place.is_dir() else place.parent.name, Path(text), of)
     if ":" in text:
         return _own(text, of)
     raise ValueError(
         f"{text!r} is no controller: give FILE.py:CLASS, MODULE:CLASS, a policy.zip or a folder with some, or one of "
         f"{', '.join([*of.baselines(), SHIPPED])}"
     )
-
-
-def _folder(text: str) -> str:
-    return Path(text).resolve().parent.name
 
 
 def _terms(name: str, of: Suite) -> dict[str, str]:
@@ -187,7 +186,7 @@ def _policies(name: str, place: Path, of: Suite) -> Entry:
     for env_id, path in entered.items():
         about = policy.about(path)
         policy.check_observations(path, about, env_id)
-        steps += about["steps"]
+        steps += whole(f"{path}: steps", about.get("steps"), 0)
     return Entry(
         name,
         POLICY,
@@ -277,13 +276,13 @@ class _Told:
     """A controller whose errors are told in a sentence that says whose they are, as its code may be anybody's."""
 
     def __init__(self, case: Case, env: Any) -> None:
-        self._case, self._shape = case, (env.num_envs, 1)
+        self._shape = (env.num_envs, 1)
         self._controller = self._called("its constructor", case.make, env)
 
     def _called(self, what: str, function: Callable[..., Any], *arguments: Any) -> Any:
         try:
             return function(*arguments)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise ValueError(f"{what} raised {_in_words(error)}") from error
 
     def reset(self, sub_environments: Any = slice(None)) -> None:
@@ -316,7 +315,9 @@ def enter(
     notify: Callable[[float, str], None] = lambda *_: None,
     sweep: Runner = run,
 ) -> list[Result]:
-    """Drive entries, zero action and the references in a suite, each once."""
+    """Drive entries, zero action and the references in a suite, each once; ValueError for two entries of one name."""
+    if len({(each.kind, each.name) for each in entries}) < len(entries):
+        raise ValueError(f"entries need names of their own, got {', '.join(each.name for each in entries)}: rename one")
     cases: dict[tuple[str, str, str], Case] = {}
     for env_id, reference in of.references.items():
         known = {**SIMPLE, **baselines(env_id)}

@@ -282,6 +282,7 @@ FAILING = {
     "words": ("def act(self, observation): return [['a'], ['b']]", r"its act must give numbers \(2, 1\), got <U1"),
     "nan": ("def act(self, observation): return observation[:, :1] * float('nan')", "its act gave nan, which is"),
     "act": ("def act(self, observation): return {}['gain']", r"its act raised KeyError: 'gain' \(other.py, line 4\)"),
+    "exit": ("def act(self, observation): raise SystemExit(3)", r"its act raised SystemExit: 3 \(other.py, line 4\)"),
     "reset": ("def act(self, observation): pass\n def reset(self, rows=None): 1 / 0", "its reset raised ZeroDivision"),
     "init": ("act = print\n def __init__(self, env): env.no", "its constructor raised AttributeError"),
     "no act": ("pass", "has no class Own with the methods reset and act"),
@@ -308,7 +309,10 @@ def test_a_controller_that_fails_is_told_in_one_sentence(name, there, short, cap
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["zero"], "--suite must name the suite: drivers, assists"),
+        (["zero"], "give one of --suite (drivers, assists), --verify and --new-round"),
+        (["zero", "--suite", "assists", "--round", "round.json", "--episodes", "3"], "--episodes has no effect here"),
+        (["zero", "zero", "--suite", "assists"], "entries need names of their own, got zero, zero"),
+        (["zero", "--suite", "assists", "--out", "broken"], "assists-class-x.json: is no result"),
         (["nothing", "--suite", "assists"], "'nothing' is no controller: give FILE.py:CLASS"),
         (["absent.py:Own", "--suite", "assists"], "no file absent.py"),
         (["absent:Own", "--suite", "assists"], "the module absent cannot be imported: ModuleNotFoundError"),
@@ -322,6 +326,8 @@ def test_a_controller_that_fails_is_told_in_one_sentence(name, there, short, cap
 )
 def test_a_bad_command_is_refused_in_one_sentence(words, message, there, capsys):
     (there / "json.py").write_text(CODE)
+    (there / "broken").mkdir()
+    (there / "broken" / "assists-class-x.json").write_text("{}")
     assert main(["benchmark", *words]) == 2
     told = capsys.readouterr().err
     assert message in told
