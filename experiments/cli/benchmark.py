@@ -120,7 +120,7 @@ def _verify(args: argparse.Namespace) -> int:
     if fields:
         return _told(file, fields, "do not follow from its episodes, or are not as given")
     print(f"{file}: all that it says follows from its episodes; SHA-256 of its seeds {result.round.sha256}")
-    if others := traces.other_program(found["program"]):
+    if others := traces.other_program(found["trace"]):
         raise ValueError(f"{file} was made by another program, whose episodes are others: {others}")
     name = result.controller["name"]
     known = result.controller["kind"] == benchmark.BASELINE or name == SHIPPED

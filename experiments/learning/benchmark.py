@@ -41,12 +41,12 @@ from steer_env.friction.numerics.check import one_of, whole
 from steer_env.registration import id_of
 from steer_env.tasks.common.definition import COST_LIMIT
 
-TOLD = Path(__file__).with_name("controllers.toml")  # terms of the controllers that are not trained
+TOLD = policy.SHIPPED_IN.with_name("controllers.toml")  # terms of the controllers that are not trained
 SEEDS = range(
     1_000_000_000, 2_000_000_000
 )  # of which those of a round are drawn, apart from the fixed ones of this package
 KINDS = BASELINE, POLICY, CLASS = "baseline", "policy", "class"  # of controllers
-KEYS = frozenset({"suite", "controller", "round", "score", "parts", "episodes", "program", "sha256"})  # of a result
+KEYS = frozenset({"suite", "controller", "round", "score", "parts", "episodes", "trace", "sha256"})  # of a result
 CONTROLLER, ZERO, REFERENCE = "controller", "zero", "reference"  # whose episodes a result holds
 
 Array = NDArray[np.float64]
@@ -385,8 +385,8 @@ def parts(result: Result) -> dict[str, Part]:
     return made
 
 
-def document(result: Result, program: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """A result as JSON, with all that follows from its raw episodes; ``program`` made it, by default this one."""
+def document(result: Result, trace: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """A result as JSON, with all that follows from its raw episodes and the trace of the program that drove them."""
     said = {
         "suite": result.suite.name,
         "controller": dict(result.controller),
@@ -396,7 +396,7 @@ def document(result: Result, program: Mapping[str, Any] | None = None) -> dict[s
         "episodes": {
             env_id: {whose: _raw(each) for whose, each in found.items()} for env_id, found in result.episodes.items()
         },
-        "program": dict(provenance.trace() if program is None else program),
+        "trace": dict(provenance.trace() if trace is None else trace),
     }
     return {**said, "sha256": provenance.digest(said)}
 
@@ -452,7 +452,7 @@ def _read(found: Any) -> tuple[dict[str, Any], Result]:
     one_of("kind of the controller", about["kind"], KINDS)
     if not isinstance(seeds, dict):
         raise ValueError(f"round must be a mapping, got {seeds!r}")
-    traces.check_program(found["program"])
+    traces.check_program(found["trace"])
     drawn = _round({key: value for key, value in seeds.items() if key != "sha256"})
     raw = found["episodes"]
     if not isinstance(raw, dict) or set(raw) != set(of.references):
@@ -487,7 +487,7 @@ def _episodes(name: str, raw: Any, n: int) -> Episodes:
 
 def derived(found: Mapping[str, Any], result: Result) -> list[str]:
     """Fields of a result file that do not follow from its raw episodes."""
-    return traces.unequal(found, document(result, found["program"]))
+    return traces.unequal(found, document(result, found["trace"]))
 
 
 def again(

@@ -164,7 +164,7 @@ FORGED = {
     "round/salt": ("other", "round.sha256"),
     "round/seeds/0": (7, "round.sha256"),
     "round/sha256": ("0" * 64, "round.sha256"),
-    "program/sources": ("0" * 16, "sha256"),
+    "trace/sources": ("0" * 16, "sha256"),
     "sha256": ("0" * 64, "sha256"),
 }
 
@@ -267,7 +267,7 @@ def test_another_program_is_told_before_anything_is_driven(entered, short, tmp_p
     path = tmp_path / "then.json"
     path.write_text(benchmark.text_of(entered))
     _, result = benchmark.read(path)
-    then = {**entered["program"], "sources": "0123456789abcdef"}
+    then = {**entered["trace"], "sources": "0123456789abcdef"}
     path.write_text(benchmark.text_of(benchmark.document(result, then)))
     monkeypatch.setattr(benchmark, "again", lambda *_: pytest.fail("was driven"))
     assert main(["benchmark", "--verify", str(path)]) == 2
