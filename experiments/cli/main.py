@@ -104,11 +104,15 @@ def parser(package: str = PACKAGE, prog: str = PROGRAM) -> argparse.ArgumentPars
     made = _Parser(
         prog=prog,
         usage=f"{prog} COMMAND [OPTION ...]",
-        description=f"Simulate and report steering feel. '{prog} COMMAND --help' tells the options of a command.",
+        description=f"Simulate and report steering feel. '{prog} COMMAND --help' tells the options of a command,\n"
+        f"'{prog} --version' the version.",
         epilog=_grouped(there),
         formatter_class=argparse.RawDescriptionHelpFormatter,
+        add_help=False,
     )
-    made.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
+    # Both are told in a sentence, so that the list of commands fits a screen.
+    made.add_argument("-h", "--help", action="help", help=argparse.SUPPRESS)
+    made.add_argument("--version", action=_Version, nargs=0, help=argparse.SUPPRESS)
     _add_commands(made, there, help=argparse.SUPPRESS)
     return made
 

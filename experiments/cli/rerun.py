@@ -58,17 +58,11 @@ def run(args: argparse.Namespace) -> int:
 
 def _check_versions(file: Path, trace: Mapping[str, Any], go_on: bool) -> None:
     """Refuse, or say, that another version made the result."""
-    from steer_env.experiments.pages import provenance
+    from steer_env.experiments.pages import traces
 
-    now = provenance.trace()
-    packages = {f"package {name}": version for name, version in now["packages"].items()}
-    then = {f"package {name}": version for name, version in trace["packages"].items()}
-    here = {"version": now["version"], "sources": now["sources"], **packages}
-    before = {"version": trace["version"], "sources": trace["sources"], **then}
-    others = [f"{key} {before.get(key)} then, {here.get(key)} now" for key in here if before.get(key) != here[key]]
-    if not others:
+    if not (others := traces.other_program(trace)):
         return
-    text = f"{file} was made by another program: {'; '.join(others)}"
+    text = f"{file} was made by another program: {others}"
     if not go_on:
         raise ValueError(f"{text}. Check out that version, or go on with --any-version")
     print(f"{text}; going on, as --any-version asks")

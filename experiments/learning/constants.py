@@ -19,3 +19,24 @@ SHIFTS = (
 
 ALGORITHMS = ("ppo", "sac", "recurrent-ppo")
 CONSTRAINT = "constraint.csv"  # beside the curve of a training with a budget: cost and multiplier of every rollout
+
+# Suites of the benchmark: task -> the baseline that scores 1 in it, which had the largest reward when the suite was
+# made. Another one makes another suite.
+SUITES = {
+    "drivers": {
+        "DriverDoubleLaneChange": "macadam",
+        "DriverLaneKeeping": "macadam",
+        "DriverObstacleAvoidance": "macadam",
+        "DriverOnCentre": "angle_servo",
+        "DriverParking": "angle_servo",
+        "DriverWindingRoad": "macadam",
+    },
+    "assists": {
+        "AssistAllRound": "lqg",
+        "AssistLaneChange": "friction_compensation",
+        "AssistLaneKeeping": "lqg",
+        "AssistParking": "lqg",
+        "AssistRelease": "active_return",
+        "AssistWeave": "lqg",
+    },
+}

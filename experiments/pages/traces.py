@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from steer_env.experiments.pages import provenance
 from steer_env.friction.numerics import toml
 from steer_env.recording import files
 
@@ -73,6 +74,24 @@ def _check(path: str | os.PathLike[str], trace: Mapping[str, Any]) -> None:
             raise ValueError(f"{path}: its trace holds no {key} as this program writes it, got {trace.get(key)!r}")
 
 
+def check_program(found: Any) -> None:
+    """ValueError for what is not the version, sources and packages of a trace without a command."""
+    packages = found.get("packages") if isinstance(found, dict) else None
+    texts = [found.get("version"), found.get("sources"), *packages.values()] if isinstance(packages, dict) else [None]
+    if not all(isinstance(text, str) for text in texts):
+        raise ValueError(f"expected version, sources and packages of the program, got {found!r}")
+
+
+def other_program(trace: Mapping[str, Any]) -> str:
+    """In what this program is another than the one that a trace tells, in words; empty if in nothing."""
+    now = provenance.trace()
+    packages = {f"package {name}": version for name, version in now["packages"].items()}
+    then = {f"package {name}": version for name, version in trace["packages"].items()}
+    here = {"version": now["version"], "sources": now["sources"], **packages}
+    before = {"version": trace["version"], "sources": trace["sources"], **then}
+    return "; ".join(f"{key} {before.get(key)} then, {here[key]} now" for key in here if before.get(key) != here[key])
+
+
 def _is_input(given: Any) -> bool:
     """Whether an entry of a trace is an input: texts, with a digest and the name of a file or a module."""
     texts = isinstance(given, dict) and all(isinstance(value, str) for value in given.values())
@@ -92,6 +111,15 @@ def differences(one: str | os.PathLike[str], other: str | os.PathLike[str]) -> l
         a, b = (_result(toml.read(path, json.loads), _ABOUT_THE_RUN) for path in (one, other))
     else:
         a, b = _recorded(one), _recorded(other)
+    return _unequal(a, b)
+
+
+def unequal(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
+    """The places in which two mappings, with the mappings and lists in them, do not hold the same, to the bit."""
+    return _unequal(dict(_values(one)), dict(_values(other)))
+
+
+def _unequal(a: Mapping[str, Any], b: Mapping[str, Any]) -> list[str]:
     return [name for name in {**a, **b} if name not in a or name not in b or not _equal(a[name], b[name])]
 
 

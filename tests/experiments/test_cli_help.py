@@ -283,6 +283,7 @@ def test_vehicle_names_the_cars_and_friction_the_form_of_a_law():
 # What computes many cases, each by itself. A training and a fit are one computation; a measurement of time and a
 # drive cannot be spread.
 SWEEPS = {
+    ("benchmark",),
     ("policy", "evaluate"),
     ("policy", "friction-shift"),
     ("policy", "shift"),

@@ -65,6 +65,7 @@ IMPORT = ["--import", MODULE]
 
 # Command -> its words with the law, where it has a place for one. A study takes '--import' before its name or after it.
 COMMANDS = {
+    "benchmark": ["benchmark", "zero", "--suite", "assists", "--episodes", "2", *IMPORT],
     "run": ["run", "all", "--friction", NAME, *IMPORT],
     "report": ["report", "--friction", NAME, *IMPORT],
     "tune": ["tune", "--friction", NAME, "--budget", "2", *IMPORT],
@@ -84,13 +85,12 @@ COMMANDS = {
     "study held-torque": ["study", "held-torque", *IMPORT],
     "study loop-width": ["study", "loop-width", "--cars", "compact", *IMPORT],
     "audit": ["audit", "--env", ASSIST, "--rounds", "1", "--steps", "0", *IMPORT],
-    "scores": ["scores", "--env", ASSIST, "--episodes", "2", *IMPORT],
     "tune-baselines": ["tune-baselines", "--env", ASSIST, "--budget", "1", "--episodes", "1", *IMPORT],
 }  # fmt: skip
 # One command for each kind of case: a recording, an environment, and laws that nobody names. Each compiles the law.
 DRIVEN = ("run", "policy evaluate", "study friction")
 DRIVING_FIRST = ("tune", "study coupling")  # before their sweeps, with the law, which is compiled each time
-OF_MAINTAINERS = ("audit", "scores", "tune-baselines")
+OF_MAINTAINERS = ("audit", "tune-baselines")
 
 
 class StoppedError(Exception):

@@ -64,6 +64,7 @@ DOORS = {
         "environments/index.md",
         "docs/rewards.md",
         "docs/training.md",
+        "docs/benchmark.md",
         "docs/scores.md",
         "docs/friction_shift.md",
         "docs/datasets.md",

@@ -1,0 +1,507 @@
+"""The benchmark: the score of a controller in a suite of ids, and a result file that can be checked.
+
+The score in an id is what a controller gains over zero action, as a share of what the id's reference gains,
+
+    score = mean(R - R_zero) / mean(R_reference - R_zero),
+
+over the same seeds: 0 is zero action, 1 is the reference, a baseline that stays the same whoever enters. The range
+below the line is a mean, as on some seeds zero action alone does well. Its interval is Student's on the linearised
+ratio, score + ((R - R_zero) - score (R_reference - R_zero)) / range, seed by seed. The score of a suite is the mean
+over its ids, in which a seed counts once: its linearised scores are averaged over the ids first. An id that a
+controller does not enter counts as 0. A failed episode counts with its reward.
+
+Source of the interval: delta method for a ratio estimator, Cochran, Sampling Techniques (1977), section 6.4.
+"""
+
+import json
+import math
+import re
+import secrets
+import sys
+import traceback
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from importlib import import_module
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from steer_env.assists.common.definition import TUNED
+from steer_env.experiments.learning import held_out, policy
+from steer_env.experiments.learning.constants import HELD_OUT, SHIPPED, SUITES
+from steer_env.experiments.learning.controllers import SIMPLE, Maker, baselines
+from steer_env.experiments.learning.held_out import Controller, Episodes, Estimate
+from steer_env.experiments.pages import own_modules, provenance, traces
+from steer_env.experiments.sweep import Runner, run
+from steer_env.friction.numerics import toml
+from steer_env.friction.numerics.check import one_of, whole
+from steer_env.registration import id_of
+from steer_env.tasks.common.definition import COST_LIMIT
+
+TOLD = policy.SHIPPED_IN.with_name("controllers.toml")  # terms of the controllers that are not trained
+SEEDS = range(
+    1_000_000_000, 2_000_000_000
+)  # of which those of a round are drawn, apart from the fixed ones of this package
+KINDS = BASELINE, POLICY, CLASS = "baseline", "policy", "class"  # of controllers
+KEYS = frozenset({"suite", "controller", "round", "score", "parts", "episodes", "trace", "sha256"})  # of a result
+CONTROLLER, ZERO, REFERENCE = "controller", "zero", "reference"  # whose episodes a result holds
+
+Array = NDArray[np.float64]
+
+
+class Suite(NamedTuple):
+    """Ids at their default settings, and the baseline that scores 1 in each."""
+
+    name: str
+    references: Mapping[str, str]  # id -> baseline
+
+    def baselines(self) -> list[str]:
+        """Zero and random action, and the names of the baselines of all ids."""
+        return list(dict.fromkeys(name for env_id in self.references for name in (*SIMPLE, *baselines(env_id))))
+
+
+def suite(name: str) -> Suite:
+    """A suite by name; ValueError for an unknown one."""
+    one_of("the suite", name, SUITES)
+    return Suite(name, {id_of(task): reference for task, reference in SUITES[name].items()})
+
+
+class Round(NamedTuple):
+    """The seeds that all entries of a round have; the salt hides them behind the hash that is published first."""
+
+    salt: str
+    seeds: tuple[int, ...]
+
+    @property
+    def sha256(self) -> str:
+        """Hash of salt and seeds, as JSON with sorted keys, which is that of its file."""
+        return provenance.digest(self._asdict())
+
+
+def held_out_round(episodes: int) -> Round:
+    """The seeds of every evaluation of this package, which are known to all."""
+    return Round("", tuple(range(HELD_OUT, HELD_OUT + episodes)))
+
+
+def drawn_round(episodes: int) -> Round:
+    """Secret seeds with a salt, from the random source of the operating system."""
+    draw = secrets.SystemRandom()
+    return Round(secrets.token_hex(32), tuple(sorted(draw.sample(SEEDS, episodes))))
+
+
+def text_of_round(found: Round) -> str:
+    """The text of a round's file, whose SHA-256 is that of the round."""
+    return json.dumps(found._asdict(), sort_keys=True)
+
+
+def read_round(path: Path) -> Round:
+    """A round from its file; ValueError for a file that is none."""
+    found: Round = toml.parsed(path, toml.text(path), lambda text: _round(_loads(text)))
+    return found
+
+
+def _round(found: Any) -> Round:
+    if not isinstance(found, dict) or set(found) != set(Round._fields) or not isinstance(found["salt"], str):
+        raise ValueError("expected the text 'salt' and the list 'seeds' of a round, and nothing else")
+    seeds = found["seeds"]
+    if not isinstance(seeds, list) or len(seeds) < 2 or len({*map(repr, seeds)}) < len(seeds):
+        raise ValueError("seeds must be at least two different whole numbers")
+    return Round(found["salt"], tuple(whole("a seed", seed, 0) for seed in seeds))
+
+
+class Entry(NamedTuple):
+    """A controller of a suite."""
+
+    name: str
+    kind: str  # of ``KINDS``
+    makers: Mapping[str, Maker]  # by id, of those that it enters
+    terms: Mapping[str, str]  # information, delay and so on, as the table tells them
+    sha256: Mapping[str, str]  # of its files; none for a baseline, which is of the sources of the package
+    cautions: tuple[str, ...] = ()  # to be shown before it is driven
+
+    def about(self) -> dict[str, Any]:
+        """What a result file says of it."""
+        told = {key: dict(value) for key, value in (("terms", self.terms), ("sha256", self.sha256))}
+        return {"name": self.name, "kind": self.kind, **told}
+
+
+def entry(text: str, of: Suite) -> Entry:
+    """A controller by the text that names it.
+
+    Parameters
+    ----------
+    text : str
+        "zero", "random", the name of a baseline, "shipped", a policy.zip, a folder with several, one for each id, or a
+        class with the methods of :class:`held_out.Controller` as ``FILE.py:CLASS`` or ``MODULE:CLASS``.
+    of : Suite
+
+    Raises
+    ------
+    ValueError
+        If it is none of these, or is of no id of the suite.
+    """
+    if text in of.baselines():
+        known = {env_id: {**SIMPLE, **baselines(env_id)} for env_id in of.references}
+        makers = {env_id: found[text] for env_id, found in known.items() if text in found}
+        return Entry(text, BASELINE, makers, _terms(text, of), {})
+    if text == SHIPPED:
+        return _policies(SHIPPED, policy.SHIPPED_IN, of)
+    if text.endswith(".zip") or Path(text).is_dir():
+        place = Path(text).resolve()
+        return _policies(place.name if place.is_dir() else place.parent.name, Path(text), of)
+    if ":" in text:
+        return _own(text, of)
+    raise ValueError(
+        f"{text!r} is no controller: give FILE.py:CLASS, MODULE:CLASS, a policy.zip or a folder with some, or one of "
+        f"{', '.join([*of.baselines(), SHIPPED])}"
+    )
+
+
+def _terms(name: str, of: Suite) -> dict[str, str]:
+    """Terms of a baseline, with the budget of the search for its options where there was one."""
+    terms: dict[str, str] = toml.loads(TOLD.read_text(encoding="utf-8"))[name]
+    searched = json.loads(TUNED.read_text(encoding="utf-8"))
+    found = [searched[env_id][name] for env_id in of.references if name in searched.get(env_id, {})]
+    if found:
+        episodes = sum(each["candidates"] * each["episodes"] for each in found)
+        terms["tuning"] = f"{episodes} episodes in {len(found)} of {len(of.references)} ids"
+    return terms
+
+
+def _policies(name: str, place: Path, of: Suite) -> Entry:
+    """The policies of a file, or of a folder and all below it, each in the id of its training."""
+    paths: dict[str, Path] = {}
+    for path in sorted(place.rglob("policy.zip")) if place.is_dir() else [place]:
+        env_id = policy.about(path)["env"]
+        if env_id in paths:
+            raise ValueError(f"{paths[env_id]} and {path} are both of {env_id}: an entry has one policy for each id")
+        paths[env_id] = path
+    entered = {env_id: paths[env_id] for env_id in of.references if env_id in paths}
+    if not entered:
+        raise ValueError(f"{place} holds no policy of an id of the suite {of.name}: {', '.join(of.references)}")
+    steps = 0
+    for env_id, path in entered.items():
+        about = policy.about(path)
+        policy.check_observations(path, about, env_id)
+        steps += whole(f"{path}: steps", about.get("steps"), 0)
+    return Entry(
+        name,
+        POLICY,
+        {env_id: policy.load(path) for env_id, path in entered.items()},
+        {"information": "the observations", "tuning": f"{steps} steps of training in {len(entered)} ids"},
+        {env_id: provenance.input_file(str(path))["sha256"] for env_id, path in entered.items()},
+        tuple(filter(None, (policy.caution(path, policy.about(path)) for path in entered.values()))),
+    )
+
+
+@dataclass(frozen=True)
+class Own:
+    """Makes a controller of the user's own class for an environment, in this process or in a worker."""
+
+    module: str
+    name: str
+    folder: str  # in which the module is looked for first
+    file: str = ""  # that the module must be, where a file was given
+    digests: tuple[tuple[str, str], ...] = ()  # of the module and of the user's own ones that it imports
+
+    def found(self) -> Any:
+        """The class; ValueError if it cannot be imported, or another module has the name of its file."""
+        if self.folder not in sys.path:
+            sys.path.insert(0, self.folder)
+        try:
+            module = import_module(self.module)
+        except (Exception, SystemExit) as error:  # whatever the module does
+            raise ValueError(f"the module {self.module} cannot be imported: {_in_words(error)}") from None
+        place = str(Path(module.__file__ or "").resolve())
+        if self.file not in ("", place):
+            raise ValueError(f"the module {self.module} is {place} already: give {self.file} another name")
+        made = getattr(module, self.name, None)
+        if not (isinstance(made, type) and all(callable(getattr(made, of, None)) for of in ("reset", "act"))):
+            raise ValueError(f"{place} has no class {self.name} with the methods reset and act")
+        return made
+
+    def __call__(self, env: Any) -> Controller:
+        """The controller; ValueError if the source is not as it was."""
+        made = self.found()
+        if tuple(own_modules.digests([self.module]).items()) != self.digests:
+            raise ValueError(f"the module {self.module} is not as it was where it is evaluated: leave it as it is")
+        controller: Controller = made(env)
+        return controller
+
+
+def _own(text: str, of: Suite) -> Entry:
+    """A class of the user's own."""
+    place, _, name = text.rpartition(":")
+    path = Path(place).resolve()
+    if place.endswith(".py") and not path.is_file():
+        raise ValueError(f"no file {place}")
+    own = Own(path.stem, name, str(path.parent), str(path)) if path.is_file() else Own(place, name, str(Path.cwd()))
+    made = own.found()
+    digests = own_modules.digests([own.module])
+    about = (made.__doc__ or "not stated").strip().partition("\n")[0].rstrip(".")
+    terms = {"information": about, "tuning": str(getattr(made, "tuning", "not stated"))}
+    make = replace(own, digests=tuple(digests.items()))
+    return Entry(f"{own.module}:{name}", CLASS, dict.fromkeys(of.references, make), terms, digests)
+
+
+def _in_words(error: BaseException) -> str:
+    """An exception of somebody else's code: its kind, what it says, and where it was raised."""
+    told = " ".join(str(error).split())
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    return f"{type(error).__name__}{told and f': {told}'} ({Path(last.filename).name}, line {last.lineno})"
+
+
+class Case(NamedTuple):
+    """A controller that a worker drives in an id."""
+
+    label: str
+    env_id: str
+    make: Maker
+    seeds: tuple[int, ...]
+
+
+def driven(case: Case) -> Episodes:
+    """The episodes of a case, one for each seed, at the default settings of the id."""
+    env: Any = gym.make_vec(case.env_id, num_envs=len(case.seeds))
+    try:
+        return held_out.drive(env, _Told(case, env), case.seeds)
+    finally:
+        env.close()
+
+
+class _Told:
+    """A controller whose errors are told in a sentence that says whose they are, as its code may be anybody's."""
+
+    def __init__(self, case: Case, env: Any) -> None:
+        self._shape = (env.num_envs, 1)
+        self._controller = self._called("its constructor", case.make, env)
+
+    def _called(self, what: str, function: Callable[..., Any], *arguments: Any) -> Any:
+        try:
+            return function(*arguments)
+        except (Exception, SystemExit) as error:
+            raise ValueError(f"{what} raised {_in_words(error)}") from error
+
+    def reset(self, sub_environments: Any = slice(None)) -> None:
+        """Forget the episodes of some rows of the batch, or of all."""
+        self._called("its reset", self._controller.reset, sub_environments)
+
+    def act(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Actions (N, 1) for observations (N, O); ValueError for another shape, or what is no finite number."""
+        action = np.asarray(self._called("its act", self._controller.act, observation))
+        if action.shape != self._shape or action.dtype.kind not in "fiu":
+            raise ValueError(f"its act must give numbers {self._shape}, got {action.dtype} {action.shape}")
+        if not np.isfinite(action).all():
+            raise ValueError(f"its act gave {action[~np.isfinite(action)][0]}, which is no finite number")
+        return action.astype(np.float32)
+
+
+class Result(NamedTuple):
+    """The raw episodes of an entry, of zero action and of the references, from which all else follows."""
+
+    suite: Suite
+    controller: Mapping[str, Any]  # of :meth:`Entry.about`
+    round: Round
+    episodes: Mapping[str, Mapping[str, Episodes]]  # id -> whose -> episodes; an id that it does not enter has no own
+
+
+def enter(
+    entries: Sequence[Entry],
+    of: Suite,
+    seeds: Round,
+    notify: Callable[[float, str], None] = lambda *_: None,
+    sweep: Runner = run,
+) -> list[Result]:
+    """Drive entries, zero action and the references in a suite, each once; ValueError for two entries of one name."""
+    if len({(each.kind, each.name) for each in entries}) < len(entries):
+        raise ValueError(f"entries need names of their own, got {', '.join(each.name for each in entries)}: rename one")
+    cases: dict[tuple[str, str, str], Case] = {}
+    for env_id, reference in of.references.items():
+        known = {**SIMPLE, **baselines(env_id)}
+        makers = {(each.kind, each.name): each.makers[env_id] for each in entries if env_id in each.makers}
+        makers |= {(BASELINE, name): known[name] for name in ("zero", reference)}
+        cases |= {(env_id, *who): Case(who[1], env_id, make, seeds.seeds) for who, make in makers.items()}
+    every = sweep(driven, cases.values(), notify=notify, words=lambda case: f"{case.env_id} {case.label}")
+    found = dict(zip(cases, every))
+
+    def episodes(each: Entry, env_id: str, reference: str) -> dict[str, Episodes]:
+        own = {CONTROLLER: found[env_id, each.kind, each.name]} if env_id in each.makers else {}
+        return own | {ZERO: found[env_id, BASELINE, "zero"], REFERENCE: found[env_id, BASELINE, reference]}
+
+    return [
+        Result(
+            of, each.about(), seeds, {env_id: episodes(each, env_id, name) for env_id, name in of.references.items()}
+        )
+        for each in entries
+    ]
+
+
+def _linearised(found: Mapping[str, Episodes]) -> Array:
+    """Scores (N,) of an id seed by seed, whose mean is the score and whose spread gives its interval."""
+    zero = found[ZERO].reward
+    if CONTROLLER not in found:
+        return np.zeros(zero.size)
+    gained, span = found[CONTROLLER].reward - zero, found[REFERENCE].reward - zero
+    share = gained.mean() / span.mean()
+    linearised: Array = share + (gained - share * span) / span.mean()
+    return linearised
+
+
+def score(result: Result) -> Estimate:
+    """The score of a suite."""
+    return held_out.mean(np.mean([_linearised(found) for found in result.episodes.values()], axis=0))
+
+
+class Part(NamedTuple):
+    """What a result says of one id."""
+
+    reference: str
+    span: Estimate  # reward of the reference less that of zero action
+    score: Estimate
+    summary: dict[str, Estimate]  # of :func:`held_out.summary`; empty for an id that is not entered
+    failed: int  # episodes
+
+    @property
+    def beyond_limit(self) -> bool:
+        """Whether the mean cost of an episode is above the limit of the id."""
+        return bool(self.summary) and self.summary["cost"].value > COST_LIMIT
+
+
+def parts(result: Result) -> dict[str, Part]:
+    """What a result says of each id."""
+    made = {}
+    for env_id, found in result.episodes.items():
+        own = found.get(CONTROLLER)
+        made[env_id] = Part(
+            result.suite.references[env_id],
+            held_out.mean(found[REFERENCE].reward - found[ZERO].reward),
+            held_out.mean(_linearised(found)),
+            held_out.summary(own) if own else {},
+            int((own.failure != 0).sum()) if own else 0,
+        )
+    return made
+
+
+def document(result: Result, trace: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """A result as JSON, with all that follows from its raw episodes and the trace of the program that drove them."""
+    said = {
+        "suite": result.suite.name,
+        "controller": dict(result.controller),
+        "round": {"salt": result.round.salt, "seeds": [*result.round.seeds], "sha256": result.round.sha256},
+        "score": _estimate(score(result)),
+        "parts": {env_id: _part(part) for env_id, part in parts(result).items()},
+        "episodes": {
+            env_id: {whose: _raw(each) for whose, each in found.items()} for env_id, found in result.episodes.items()
+        },
+        "trace": dict(provenance.trace() if trace is None else trace),
+    }
+    return {**said, "sha256": provenance.digest(said)}
+
+
+def _estimate(e: Estimate) -> dict[str, Any]:
+    return {"value": e.value, "ci": [e.low, e.high]}
+
+
+def _part(part: Part) -> dict[str, Any]:
+    said = {"reference": part.reference, "span": _estimate(part.span), "score": _estimate(part.score)}
+    if not part.summary:
+        return said
+    means = {name: _estimate(part.summary[name]) for name in ("reward", "cost")}
+    return {**said, **means, "failed": part.failed, "beyond_cost_limit": part.beyond_limit}
+
+
+def _raw(found: Episodes) -> dict[str, Any]:
+    sums = {name: getattr(found, name).tolist() for name in ("reward", "cost", "failure")}
+    return {**sums, "metrics": {name: each.tolist() for name, each in found.metrics.items()}}
+
+
+def text_of(found: Mapping[str, Any]) -> str:
+    """The text of a result file: the same for the same result, to the bit."""
+    return json.dumps(found, indent=1, sort_keys=True, allow_nan=False) + "\n"
+
+
+def name_of(result: Result) -> str:
+    """The name of a result's file."""
+    name = re.sub(r"[^\w.-]+", "-", result.controller["name"])
+    return f"{result.suite.name}-{result.controller['kind']}-{name}.json"
+
+
+def read(path: Path) -> tuple[dict[str, Any], Result]:
+    """A result file, and what its raw episodes are; ValueError for a file that is none, with the reason."""
+    found: tuple[dict[str, Any], Result] = toml.parsed(path, toml.text(path), lambda text: _read(_loads(text)))
+    return found
+
+
+def _loads(text: str) -> Any:
+    def refuse(word: str) -> None:
+        raise ValueError(f"{word} is no number of JSON")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def _read(found: Any) -> tuple[dict[str, Any], Result]:
+    if not isinstance(found, dict) or set(found) != KEYS:
+        raise ValueError("is no result of 'steer-env benchmark'")
+    of, about, seeds = suite(found["suite"]), found["controller"], found["round"]
+    shape = {"name": str, "kind": str, "terms": dict, "sha256": dict}
+    if not isinstance(about, dict) or {key: type(value) for key, value in about.items()} != shape:
+        raise ValueError(f"controller must hold {', '.join(shape)}, got {about!r}")
+    one_of("kind of the controller", about["kind"], KINDS)
+    if not isinstance(seeds, dict):
+        raise ValueError(f"round must be a mapping, got {seeds!r}")
+    traces.check_program(found["trace"])
+    drawn = _round({key: value for key, value in seeds.items() if key != "sha256"})
+    raw = found["episodes"]
+    if not isinstance(raw, dict) or set(raw) != set(of.references):
+        raise ValueError(f"its ids are not those of the suite {of.name} here: {', '.join(of.references)}")
+    episodes = {env_id: _of_id(env_id, raw[env_id], len(drawn.seeds)) for env_id in of.references}
+    return found, Result(of, about, drawn, episodes)
+
+
+def _of_id(env_id: str, raw: Any, n: int) -> dict[str, Episodes]:
+    """The episodes of an id: of the controller, where it enters, of zero action and of the reference."""
+    if not isinstance(raw, dict) or not {ZERO, REFERENCE} <= set(raw) <= {CONTROLLER, ZERO, REFERENCE}:
+        raise ValueError(f"episodes of {env_id} must be those of {CONTROLLER}, {ZERO} and {REFERENCE}")
+    return {
+        whose: _episodes(f"{env_id}, {whose}", raw[whose], n) for whose in (CONTROLLER, ZERO, REFERENCE) if whose in raw
+    }
+
+
+def _episodes(name: str, raw: Any, n: int) -> Episodes:
+    if not isinstance(raw, dict) or set(raw) != set(Episodes._fields) or not isinstance(raw["metrics"], dict):
+        raise ValueError(f"{name}: expected {', '.join(Episodes._fields)}")
+
+    def column(key: str, values: Any, kind: type) -> Any:
+        right = isinstance(values, list) and [*map(type, values)] == [kind] * n
+        if not right or not all(abs(x) < math.inf for x in values):
+            raise ValueError(f"{name}, {key}: expected {n} finite numbers of the type {kind.__name__}")
+        return np.array(values)
+
+    metrics = {key: column(key, values, float) for key, values in raw["metrics"].items()}
+    sums = {key: column(key, raw[key], kind) for key, kind in (("reward", float), ("cost", float), ("failure", int))}
+    return Episodes(**sums, metrics=metrics)
+
+
+def derived(found: Mapping[str, Any], result: Result) -> list[str]:
+    """Fields of a result file that do not follow from its raw episodes."""
+    return traces.unequal(found, document(result, found["trace"]))
+
+
+def again(
+    result: Result,
+    who: Entry | None = None,
+    notify: Callable[[float, str], None] = lambda *_: None,
+    sweep: Runner = run,
+) -> list[str]:
+    """Fields of a result that are others when its episodes are driven again.
+
+    Without its controller these are the episodes of zero action and of the references, and what follows from them.
+    """
+    (found,) = enter([who or Entry("", "", {}, {}, {})], result.suite, result.round, notify, sweep)
+    if who is None:
+        own = {env_id: {**result.episodes[env_id], **each} for env_id, each in found.episodes.items()}
+        found = found._replace(controller=result.controller, episodes=own)
+    return traces.unequal(document(result), document(found))

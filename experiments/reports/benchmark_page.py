@@ -1,0 +1,154 @@
+"""The table of the benchmark: every result file of a folder, scored anew from its raw episodes."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+
+from steer_env import tasks
+from steer_env.environments import default_speed
+from steer_env.experiments.learning import benchmark, policy_report
+from steer_env.experiments.learning.benchmark import KINDS, Part, Result
+from steer_env.experiments.learning.constants import SUITES
+from steer_env.experiments.learning.held_out import Estimate
+from steer_env.experiments.pages import provenance
+from steer_env.experiments.pages.pages import Page, place
+from steer_env.experiments.pages.pictures import dots
+from steer_env.experiments.pages.words import label, unit, within
+
+MARK = "*"  # beside what was earned with a mean cost above the limit
+NONE = "–"
+TERMS = ("information", "decides", "delay", "tuning")
+
+
+class Table(NamedTuple):
+    """A table with what is said above it and below."""
+
+    caption: str
+    head: tuple[str, ...]
+    rows: list[tuple[str, ...]]
+    about: str = ""
+    text: bool = False  # whether its columns are text, which may have digits in it
+
+
+class Standing(NamedTuple):
+    """All entries of a suite on the same seeds, the best one first."""
+
+    results: list[Result]
+    scores: list[Estimate]
+    parts: list[dict[str, Part]]
+
+    @property
+    def suite(self) -> str:
+        """Name of the suite."""
+        return self.results[0].suite.name
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the entries."""
+        return [label(result.controller["name"]) for result in self.results]
+
+    def picture(self) -> object:
+        """Scores with their intervals."""
+        return dots(dict(zip(self.names, self.scores)), "score", (1.0, "references"), name=f"scores-{self.suite}")
+
+    def summary(self) -> Table:
+        """The score of every entry, and of its parts."""
+        ids = list(self.results[0].suite.references)
+        rows = [
+            (name, spread(score), *(_marked(parts[env_id]) for env_id in ids))
+            for name, score, parts in zip(self.names, self.scores, self.parts)
+        ]
+        return Table(f"Scores in the suite {self.suite}", ("entry", "score", *map(short, ids)), rows)
+
+    def terms(self) -> Table:
+        """On which terms every entry acts, and with what budget it was tuned."""
+        rows = [
+            (name, *(result.controller["terms"].get(key, NONE) for key in TERMS))
+            for name, result in zip(self.names, self.results)
+        ]
+        return Table(f"Terms of the entries in {self.suite}", ("entry", *TERMS), rows, text=True)
+
+    def of_id(self, env_id: str) -> Table:
+        """Score, reward, cost, failures and the metric that the task is judged by, of every entry of an id."""
+        some = self.results[0].episodes[env_id][benchmark.ZERO]
+        aim = policy_report.aim(some.metrics)
+        task = tasks.task(env_id.removeprefix("steer_env/").rpartition("-")[0])
+        units = {"cost": "", **{metric.name: unit(metric.unit) for metric in task.metrics}}
+        rows = [
+            (
+                name,
+                _marked(part),
+                *(spread(part.summary[key]) for key in ("reward", "cost")),
+                f"{part.failed} of {some.reward.size}",
+                spread(part.summary[aim]),
+            )
+            for name, part in sorted(
+                ((name, parts[env_id]) for name, parts in zip(self.names, self.parts) if parts[env_id].summary),
+                key=lambda row: -row[1].score.value,
+            )
+        ]
+        part = self.parts[0][env_id]
+        caption = f"{env_id}: Score 1 is {label(part.reference)}, {spread(part.span)} of reward above zero action"
+        shown = f"{label(aim)} [{units[aim]}]" if units[aim] else label(aim)
+        return Table(caption, ("entry", "score", "reward", "cost", "failed", shown), rows, settings(env_id))
+
+    def tables(self) -> list[Table]:
+        """All tables."""
+        ids = self.results[0].suite.references
+        return [self.summary(), self.terms(), *(self.of_id(env_id) for env_id in ids)]
+
+
+def standings(results: Sequence[Result]) -> list[Standing]:
+    """Results by suite and seeds, in the order of the suites."""
+    groups: dict[tuple[str, str], list[Result]] = {}
+    for result in sorted(results, key=lambda each: [*SUITES].index(each.suite.name)):
+        groups.setdefault((result.suite.name, result.round.sha256), []).append(result)
+    found = []
+    for group in groups.values():
+        ranked = sorted(group, key=lambda each: -benchmark.score(each).value)
+        found.append(Standing(ranked, [*map(benchmark.score, ranked)], [*map(benchmark.parts, ranked)]))
+    return found
+
+
+def short(env_id: str) -> str:
+    """The name of a task without its role, in words: of ``steer_env/AssistLaneKeeping-v3`` "lane keeping"."""
+    name = env_id.removeprefix("steer_env/").rpartition("-")[0].removeprefix("Driver").removeprefix("Assist")
+    return "".join(f" {letter.lower()}" if letter.isupper() else letter for letter in name).strip()
+
+
+def settings(env_id: str) -> str:
+    """The default settings of an id in words."""
+    env: Any = gym.make(env_id).unwrapped
+    task, usual = env.task, env.batch.usual_conditions
+    speed = f"{3.6 * usual.speed:g} km/h" if task.speeds is None else f"a speed {default_speed(task)}"
+    env.close()
+    return (
+        f"Decisions every {1e3 * env.control_dt:g} ms, actions of up to {task.action.scale:.3g} "
+        f"{task.action.unit}, {speed}, sensor noise {usual.sensor_noise:g}, delay of the observation "
+        f"{1e3 * usual.delay:g} ms."
+    )
+
+
+def spread(e: Estimate) -> str:
+    """A mean and half the width of its interval."""
+    return within(e.value, 0.5 * (e.high - e.low))
+
+
+def _marked(part: Part) -> str:
+    if not part.summary:
+        return NONE
+    return spread(part.score) + (f" {MARK}" if part.beyond_limit else "")
+
+
+def read(folder: Path) -> list[Result]:
+    """The results of a folder, by the names of their files; ValueError for a file that is none."""
+    paths = sorted(path for suite in SUITES for kind in KINDS for path in folder.glob(f"{suite}-{kind}-*.json"))
+    return [benchmark.read(path)[1] for path in paths]
+
+
+def write(folder: Path) -> Path:
+    """Write the page of all results in a folder; its path."""
+    place(folder, Page("benchmark", {"standings": standings(read(folder)), "mark": MARK}), {}, provenance.trace())
+    return folder / "index.html"

@@ -1,0 +1,434 @@
+"""The benchmark: what a score is, result files that anybody can check, the table, and the tutorial's controller."""
+
+import copy
+import hashlib
+import json
+import re
+import sys
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from steer_env import assists, drivers
+from steer_env.experiments.cli.main import main
+from steer_env.experiments.learning import benchmark, policy
+from steer_env.experiments.learning.benchmark import CONTROLLER, REFERENCE, ZERO, Result, Round
+from steer_env.experiments.learning.constants import SUITES
+from steer_env.experiments.learning.controllers import baselines
+from steer_env.experiments.learning.held_out import Episodes
+from steer_env.experiments.pages import own_modules
+from steer_env.experiments.reports import benchmark_page
+from steer_env.friction.numerics import toml
+from steer_env.registration import DRIVEN, id_of
+from tests.maintain.__main__ import run as maintain
+from tests.tools import scores
+
+DOCS = Path(__file__).parents[2] / "docs"
+TUTORIAL = (DOCS / "benchmark.md").read_text(encoding="utf-8")
+CODE = re.search(r"^```python\n(.*?)^```", TUTORIAL, flags=re.DOTALL | re.MULTILINE)[1]
+RELEASE = id_of("AssistRelease")
+NAME = "assists-class-my_assist-MoreAssist.json"
+
+
+@pytest.fixture
+def there(tmp_path, monkeypatch):
+    """A working directory with the controller of the tutorial; its module is forgotten afterwards."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", sys.path[:])
+    monkeypatch.setattr("platformdirs.user_cache_dir", lambda name: str(tmp_path / "cache" / name))
+    (tmp_path / "my_assist.py").write_text(CODE)
+    yield tmp_path
+    for name in ("my_assist", "other"):
+        sys.modules.pop(name, None)
+        own_modules._sources.pop(name, None)
+
+
+@pytest.fixture
+def short(monkeypatch):
+    """A suite of one id, the quickest one."""
+    monkeypatch.setitem(SUITES, "assists", {"AssistRelease": "active_return"})
+
+
+def made(rewards, references, zeros, costs=0.0):
+    """Episodes of an id with these rewards; no own ones for None."""
+
+    def episodes(reward):
+        reward = np.asarray(reward, float)
+        return Episodes(
+            reward, np.full(reward.size, costs), np.zeros(reward.size, np.int64), {"rms_feel_error": reward}
+        )
+
+    own = {} if rewards is None else {CONTROLLER: episodes(rewards)}
+    return own | {ZERO: episodes(zeros), REFERENCE: episodes(references)}
+
+
+def result_of(*found):
+    """A result with these episodes of the first ids of the assists."""
+    whole = benchmark.suite("assists")
+    of = whole._replace(references=dict(list(whole.references.items())[: len(found)]))
+    n = found[0][ZERO].reward.size
+    about = {"name": "own", "kind": "class", "terms": {}, "sha256": {}}
+    return Result(of, about, Round("salt", tuple(range(n))), dict(zip(of.references, found)))
+
+
+def test_zero_action_scores_0_and_the_reference_1_without_an_interval():
+    references, zeros = [3.0, 4.5, 9.0], [1.0, 2.0, 2.5]
+    assert benchmark.score(result_of(made(zeros, references, zeros))) == (0.0, 0.0, 0.0)
+    assert benchmark.score(result_of(made(references, references, zeros))) == (1.0, 1.0, 1.0)
+    assert benchmark.score(result_of(made([0.0, 1.0, 1.5], references, zeros))).value == pytest.approx(-3.0 / 11.0)
+
+
+def test_the_interval_is_that_of_a_bootstrap_over_the_seeds():
+    """Of a ratio whose terms depend on the seed, in two ids that share the seeds; the third is not entered."""
+    rng = np.random.default_rng(1)
+    seeds = rng.normal(size=400)
+    zeros, spans = rng.normal(5.0, 2.0, 400), 3.0 + 0.5 * seeds
+    gains = [0.8 * spans + 0.4 * seeds + rng.normal(0.0, 0.3, 400), 1.1 * spans + rng.normal(0.0, 0.5, 400)]
+    found = benchmark.score(
+        result_of(*(made(zeros + gain, zeros + spans, zeros) for gain in gains), made(None, zeros + spans, zeros))
+    )
+    drawn = rng.integers(0, 400, (4000, 400))
+    values = sum(gain[drawn].mean(axis=1) / spans[drawn].mean(axis=1) for gain in gains) / 3.0
+    assert found.value == pytest.approx(sum(gain.mean() for gain in gains) / spans.mean() / 3.0)
+    assert found.high - found.low == pytest.approx(np.diff(np.quantile(values, [0.025, 0.975]))[0], rel=0.1)
+
+
+def test_a_cost_above_the_limit_is_told():
+    above, below = (result_of(made([1.0, 2.0], [3.0, 3.5], [0.0, 0.5], cost)) for cost in (1.1, 0.9))
+    assert [part.beyond_limit for each in (above, below) for part in benchmark.parts(each).values()] == [True, False]
+
+
+@pytest.mark.parametrize("name", SUITES)
+def test_the_references_are_baselines_of_ids_of_today(name):
+    of = benchmark.suite(name)
+    assert set(of.references) == {
+        env_id for env_id in DRIVEN if env_id.startswith(f"steer_env/{name[:-1].capitalize()}")
+    }
+    assert all(reference in baselines(env_id) for env_id, reference in of.references.items())
+
+
+def test_every_baseline_states_its_terms():
+    told = toml.loads(benchmark.TOLD.read_text(encoding="utf-8"))
+    assert {"zero", "random", *assists.available(), *drivers.available()} - {"free"} <= set(told)
+    assert all(set(terms) <= set(benchmark_page.TERMS) and terms["information"] for terms in told.values())
+    assert all(terms["tuning"] for terms in told.values())
+    lqg = benchmark.entry("lqg", benchmark.suite("assists"))
+    assert lqg.terms["tuning"] == "1920 episodes in 4 of 6 ids"
+
+
+def test_the_controller_of_the_tutorial_is_entered_and_checked(there, short, capsys):
+    """By the commands of the page, in two episodes of one id; the same file to the bit, also on two workers."""
+    assert len(CODE.splitlines()) <= 20
+    commands = re.findall(r"^steer-env (benchmark my_assist.py:MoreAssist .*)$", TUTORIAL, flags=re.MULTILINE)[:2]
+    enter, verify = (command.split() for command in commands)
+    assert main([*enter, "--episodes", "2"]) == 0
+    first = (there / "benchmark" / NAME).read_bytes()
+    said = capsys.readouterr().out
+    assert re.match(rf"benchmark/{NAME}: score -?−?[\d.]+ ± ", said)
+    assert main(verify) == 0
+    assert "all episodes are equal to the bit" in capsys.readouterr().out
+    assert main([*enter, "--episodes", "2", "--workers", "2", "--out", "again"]) == 0
+    assert (there / "again" / NAME).read_bytes() == first
+    page = (there / "benchmark" / "index.html").read_text(encoding="utf-8")
+    assert "Torsion-bar torque, handwheel angle, speed" in page
+    assert "by hand, a dozen trials" in page
+
+
+@pytest.fixture(scope="module")
+def entered(tmp_path_factory):
+    """A result file of a baseline in the short suite, as JSON."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(SUITES, "assists", {"AssistRelease": "active_return"})
+        of = benchmark.suite("assists")
+        (result,) = benchmark.enter([benchmark.entry("damping", of)], of, benchmark.held_out_round(2))
+        return json.loads(benchmark.text_of(benchmark.document(result)))
+
+
+# What is forged -> the value that it gets, and a field that is named.
+FORGED = {
+    f"episodes/{RELEASE}/controller/reward/0": (99.0, f"parts.{RELEASE}.reward.value"),
+    f"episodes/{RELEASE}/zero/reward/1": (-99.0, "score.value"),
+    f"episodes/{RELEASE}/reference/reward/1": (99.0, f"parts.{RELEASE}.span.value"),
+    f"episodes/{RELEASE}/controller/cost/0": (0.0, f"parts.{RELEASE}.cost.value"),
+    f"episodes/{RELEASE}/controller/failure/1": (3, f"parts.{RELEASE}.failed"),
+    f"episodes/{RELEASE}/controller/metrics/rms_feel_error/0": (0.0, "sha256"),
+    f"parts/{RELEASE}/score/ci/0": (0.9, f"parts.{RELEASE}.score.ci.0"),
+    f"parts/{RELEASE}/reference": ("lqg", f"parts.{RELEASE}.reference"),
+    f"parts/{RELEASE}/beyond_cost_limit": (None, f"parts.{RELEASE}.beyond_cost_limit"),
+    "score/value": (1.5, "score.value"),
+    "score/ci/1": (1.5, "score.ci.1"),
+    "controller/name": ("lqg", "sha256"),
+    "controller/terms": ({"tuning": "none"}, "sha256"),
+    "round/salt": ("other", "round.sha256"),
+    "round/seeds/0": (7, "round.sha256"),
+    "round/sha256": ("0" * 64, "round.sha256"),
+    "trace/sources": ("0" * 16, "sha256"),
+    "sha256": ("0" * 64, "sha256"),
+}
+
+
+def forged(entered, place, value):
+    """A copy of a result file with another value at a place."""
+    found = copy.deepcopy(entered)
+    *way, last = re.split(r"/(?!Assist)", place)
+    inner = found
+    for key in way:
+        inner = inner[int(key) if isinstance(inner, list) else key]
+    inner[int(last) if isinstance(inner, list) else last] = value
+    return found
+
+
+@pytest.mark.parametrize("place", FORGED)
+def test_a_forged_field_is_named(place, entered, short, tmp_path, capsys):
+    value, named = FORGED[place]
+    path = tmp_path / "forged.json"
+    path.write_text(json.dumps(forged(entered, place, value)))
+    found, result = benchmark.read(path)
+    fields = benchmark.derived(found, result)
+    assert named in fields
+    assert main(["benchmark", "--verify", str(path)]) == 1
+    assert "do not follow from its episodes" in capsys.readouterr().out
+
+
+# What is forged with all that follows from it -> a field that is another when the episodes are driven again.
+MADE_TO_FIT = {
+    f"episodes/{RELEASE}/controller/reward/0": (99.0, f"episodes.{RELEASE}.controller.reward.0"),
+    f"episodes/{RELEASE}/zero/cost/0": (7.0, f"episodes.{RELEASE}.zero.cost.0"),
+    f"episodes/{RELEASE}/reference/reward/1": (99.0, f"episodes.{RELEASE}.reference.reward.1"),
+    f"episodes/{RELEASE}/controller/metrics/rms_feel_error/0": (
+        0.0,
+        f"episodes.{RELEASE}.controller.metrics.rms_feel_error.0",
+    ),
+    "controller/name": ("lqg", f"episodes.{RELEASE}.controller.reward.0"),
+    "controller/terms": ({"information": "none", "tuning": "none"}, "controller.terms.information"),
+    "round/seeds/0": (7, f"episodes.{RELEASE}.controller.reward.0"),
+}
+
+
+@pytest.mark.parametrize("place", MADE_TO_FIT)
+def test_what_is_forged_with_all_that_follows_is_named_when_driven_again(place, entered, short, tmp_path, capsys):
+    value, named = MADE_TO_FIT[place]
+    path = tmp_path / "forged.json"
+    path.write_text(json.dumps(forged(entered, place, value)))
+    _, result = benchmark.read(path)
+    path.write_text(benchmark.text_of(benchmark.document(result)))
+    assert benchmark.derived(*benchmark.read(path)) == []
+    fields = benchmark.again(result, benchmark.entry(result.controller["name"], result.suite))
+    assert named in fields
+    assert main(["benchmark", "--verify", str(path)]) == 1
+    assert "are others when its episodes are driven again" in capsys.readouterr().out
+
+
+def test_a_class_is_compared_with_the_one_that_is_given(there, short, capsys):
+    enter = ["benchmark", "--suite", "assists", "--episodes", "2", "--out", "out"]
+    assert main([*enter, "my_assist:MoreAssist"]) == 0
+    assert main(["benchmark", "--verify", f"out/{NAME}"]) == 0
+    assert "without CONTROLLER" in capsys.readouterr().out
+    (there / "other.py").write_text(CODE.replace("0.3", "0.4").replace("MoreAssist", "Other"))
+    assert main(["benchmark", "other.py:Other", "--verify", f"out/{NAME}"]) == 1
+    said = capsys.readouterr().out
+    for field in ("controller.name", "controller.sha256.my_assist", f"episodes.{RELEASE}.controller.reward.0"):
+        assert field in benchmark.again(
+            benchmark.read(there / "out" / NAME)[1], benchmark.entry("other:Other", benchmark.suite("assists"))
+        )
+    assert "driven again: controller.name" in said
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda text: text[:500], "line"),
+        (lambda text: "[]", "is no result of 'steer-env benchmark'"),
+        (lambda text: '{"suite": "assists"}', "is no result of 'steer-env benchmark'"),
+        (lambda text: text.replace('"suite": "assists"', '"suite": "cranes"'), "the suite must be one of"),
+        (lambda text: text.replace(RELEASE, "steer_env/AssistRelease-v1"), "its ids are not those of the suite"),
+        (lambda text: text.replace('"failure": [\n', '"failure": [\n 0,\n'), "finite numbers of the type int"),
+        (lambda text: re.sub(r'"cost": \[\n\s+[^,]+', '"cost": [ NaN', text), "NaN is no number of JSON"),
+        (lambda text: re.sub(r'"cost": \[\n\s+[^,]+', '"cost": [ 1e999', text), "expected 2 finite numbers"),
+        (lambda text: text.replace('"packages"', '"parcels"'), "expected version, sources and packages"),
+        (lambda text: text.replace('"kind": "baseline"', '"kind": "crane"'), "kind of the controller must be one of"),
+        (lambda text: text.replace("1000001", "1000000"), "seeds must be at least two different whole numbers"),
+        (lambda text: b"\xff\xfe" + text.encode(), "expected text in UTF-8"),
+    ],
+)  # fmt: skip
+def test_a_file_that_is_no_result_is_refused_in_one_sentence(change, message, entered, short, tmp_path, capsys):
+    path, text = tmp_path / "broken.json", change(benchmark.text_of(entered))
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    assert main(["benchmark", "--verify", str(path)]) == 2
+    told = capsys.readouterr().err
+    assert message in told
+    assert str(path) in told
+    assert told.count("\n") == 1
+
+
+def test_another_program_is_told_before_anything_is_driven(entered, short, tmp_path, monkeypatch, capsys):
+    path = tmp_path / "then.json"
+    path.write_text(benchmark.text_of(entered))
+    _, result = benchmark.read(path)
+    then = {**entered["trace"], "sources": "0123456789abcdef"}
+    path.write_text(benchmark.text_of(benchmark.document(result, then)))
+    monkeypatch.setattr(benchmark, "again", lambda *_: pytest.fail("was driven"))
+    assert main(["benchmark", "--verify", str(path)]) == 2
+    assert (
+        "was made by another program, whose episodes are others: sources 0123456789abcdef then"
+        in capsys.readouterr().err
+    )
+
+
+FAILING = {
+    "shape": ("def act(self, observation): return observation", r"its act must give numbers \(2, 1\), got float32"),
+    "words": ("def act(self, observation): return [['a'], ['b']]", r"its act must give numbers \(2, 1\), got <U1"),
+    "nan": ("def act(self, observation): return observation[:, :1] * float('nan')", "its act gave nan, which is"),
+    "act": ("def act(self, observation): return {}['gain']", r"its act raised KeyError: 'gain' \(other.py, line 4\)"),
+    "exit": ("def act(self, observation): raise SystemExit(3)", r"its act raised SystemExit: 3 \(other.py, line 4\)"),
+    "reset": ("def act(self, observation): pass\n def reset(self, rows=None): 1 / 0", "its reset raised ZeroDivision"),
+    "init": ("act = print\n def __init__(self, env): env.no", "its constructor raised AttributeError"),
+    "no act": ("pass", "has no class Own with the methods reset and act"),
+    "no class": ("pass\nOwn = 3", "has no class Own with the methods reset and act"),
+    "import": ("pass\nraise OSError('gone')", r"cannot be imported: OSError: gone \(other.py, line 5\)"),
+    "syntax": ("def", "the module other cannot be imported: SyntaxError"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FAILING)
+def test_a_controller_that_fails_is_told_in_one_sentence(name, there, short, capsys):
+    body, message = FAILING[name]
+    (there / "other.py").write_text(
+        f"class Own:\n def __init__(self, env): pass\n def reset(self, rows=None): pass\n {body}\n"
+    )
+    enter = ["benchmark", "--suite", "assists", "--episodes", "2", "--workers", "1", "--out", "out"]
+    assert main([*enter, "other.py:Own"]) == 2
+    told = capsys.readouterr().err
+    assert re.search(message, told)
+    assert told.count("\n") == 1
+    assert not (there / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["zero"], "give one of --suite (drivers, assists), --verify and --new-round"),
+        (["zero", "--suite", "assists", "--round", "round.json", "--episodes", "3"], "--episodes has no effect here"),
+        (["zero", "zero", "--suite", "assists"], "entries need names of their own, got zero, zero"),
+        (["zero", "--suite", "assists", "--out", "broken"], "assists-class-x.json: is no result"),
+        (["nothing", "--suite", "assists"], "'nothing' is no controller: give FILE.py:CLASS"),
+        (["absent.py:Own", "--suite", "assists"], "no file absent.py"),
+        (["absent:Own", "--suite", "assists"], "the module absent cannot be imported: ModuleNotFoundError"),
+        (["json.py:MoreAssist", "--suite", "assists"], "already: give"),
+        ([str(policy.SHIPPED_IN / "DriverOnCentre-v3"), "--suite", "assists"], "holds no policy of an id of the suite"),
+        (["--suite", "assists", "--round", "my_assist.py"], "my_assist.py: Expecting value: line 1"),
+        (["zero", "--suite", "assists", "--published", "0"], "not the one published, 0"),
+        (["zero", "lqg", "--verify", "some.json"], "--verify checks one result"),
+        (["--new-round", "my_assist.py"], "is there already: give a new file"),
+    ],
+)
+def test_a_bad_command_is_refused_in_one_sentence(words, message, there, capsys):
+    (there / "json.py").write_text(CODE)
+    (there / "broken").mkdir()
+    (there / "broken" / "assists-class-x.json").write_text("{}")
+    assert main(["benchmark", *words]) == 2
+    told = capsys.readouterr().err
+    assert message in told
+    assert told.count("\n") == 1
+
+
+def test_policies_enter_the_ids_of_their_training():
+    of = benchmark.suite("assists")
+    found = benchmark.entry("shipped", of)
+    files = {env_id: policy.shipped(env_id) for env_id in found.makers}
+    assert set(files) == {id_of("AssistAllRound"), id_of("AssistWeave")}
+    assert found.sha256 == {env_id: hashlib.sha256(file.read_bytes()).hexdigest() for env_id, file in files.items()}
+    assert found.cautions == ()
+    one = benchmark.entry(str(files[id_of("AssistWeave")]), of)
+    assert (set(one.makers), one.name) == ({id_of("AssistWeave")}, "AssistWeave-v3")
+
+
+def test_two_policies_of_an_id_are_refused(tmp_path):
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "policy.zip").write_bytes(policy.shipped(id_of("AssistWeave")).read_bytes())
+    with pytest.raises(ValueError, match="an entry has one policy for each id"):
+        benchmark.entry(str(tmp_path), benchmark.suite("assists"))
+    assert len(benchmark.entry(str(tmp_path / "one"), benchmark.suite("assists")).cautions) == 1
+
+
+def test_the_hash_of_a_round_is_published_first_and_checked_afterwards(there, short, capsys):
+    assert main(["benchmark", "--new-round", "round.json", "--episodes", "2"]) == 0
+    published = capsys.readouterr().out.strip()
+    assert published == hashlib.sha256((there / "round.json").read_bytes()).hexdigest()
+    drawn = benchmark.read_round(there / "round.json")
+    assert len(set(drawn.seeds)) == 2
+    assert all(seed in benchmark.SEEDS for seed in drawn.seeds)
+    assert len(bytes.fromhex(drawn.salt)) == 32
+    given = ["--round", "round.json", "--published", published]
+    assert main(["benchmark", "damping", "--suite", "assists", "--out", "out", *given]) == 0
+    verify = ["benchmark", "--verify", "out/assists-baseline-damping.json"]
+    assert main([*verify, *given]) == 0
+    assert json.loads((there / verify[-1]).read_text())["round"]["seeds"] == list(drawn.seeds)
+    capsys.readouterr()
+    assert main([*verify, "--published", "0" * 64]) == 1
+    assert "round.sha256, which is not the one published" in capsys.readouterr().out
+    (there / "other.json").write_text(benchmark.text_of_round(drawn._replace(salt="other")))
+    assert main([*verify, "--round", "other.json"]) == 1
+    assert "round, which is not that of other.json" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[]",
+        '{"salt": 1, "seeds": [1, 2]}',
+        '{"salt": "a", "seeds": [1]}',
+        '{"salt": "a", "seeds": [1, 1]}',
+        '{"salt": "a", "seeds": [1, -2]}',
+        '{"salt": "a", "seeds": [1, 2.5]}',
+        '{"salt": "a", "seeds": [1, 2], "more": 0}',
+    ],
+)
+def test_a_file_that_is_no_round_is_refused(text, tmp_path):
+    path = tmp_path / "round.json"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=r"round\.json: "):
+        benchmark.read_round(path)
+
+
+def test_the_table_ranks_the_entries_by_their_episodes(tmp_path):
+    """Of what the files claim nothing is taken."""
+    zeros, references = [0.0, 0.5], [3.0, 3.5]
+    found = {"good": [2.0, 2.6], "bad": [1.0, 1.4]}
+    results = []
+    for name, rewards in found.items():
+        result = result_of(made(rewards, references, zeros, 1.5))
+        results.append(result._replace(controller={**result.controller, "name": name}))
+    (standing,) = benchmark_page.standings(results[::-1])
+    assert standing.names == ["good", "bad"]
+    rows = standing.summary().rows
+    assert [row[0] for row in rows] == ["good", "bad"]
+    assert all(row[2].endswith(benchmark_page.MARK) for row in rows)
+
+
+@pytest.mark.parametrize(("value", "expected"), [(2.3456, 2.34), (-2.3456, -2.35), (812.34, 812.0), (0.0, 0.0)])
+def test_a_threshold_is_rounded_down(value, expected):
+    assert scores.rounded_down(value) == expected
+
+
+def test_the_page_of_scores_and_the_thresholds_come_from_a_folder_of_results(entered, short, tmp_path, capsys):
+    folder, page, thresholds = tmp_path / "out", tmp_path / "scores.md", tmp_path / "thresholds.json"
+    folder.mkdir()
+    (folder / "assists-baseline-damping.json").write_text(benchmark.text_of(entered))
+    thresholds.write_text(json.dumps({"other": 1.0, RELEASE: 5.0}))
+    assert maintain(["scores", str(folder), "--out", str(page), "--thresholds", str(thresholds)]) == 0
+    assert page.read_text(encoding="utf-8") == capsys.readouterr().out
+    reward = entered["parts"][RELEASE]["reward"]["value"]
+    assert json.loads(thresholds.read_text()) == {"other": 1.0, RELEASE: scores.rounded_down(reward)}
+    assert f"`reward_threshold`: {scores.rounded_down(reward):g}." in page.read_text(encoding="utf-8")
+
+
+def test_the_ids_have_the_thresholds_of_the_page():
+    page = (DOCS / "scores.md").read_text(encoding="utf-8")
+    for env_id in DRIVEN:
+        section = page.partition(f"### `{env_id}`")[2].partition("\n##")[0]
+        assert "| zero |" in section
+        assert f"`reward_threshold`: {gym.spec(env_id).reward_threshold:g}." in section
