@@ -61,7 +61,7 @@ class Scales(NamedTuple):
 
 
 MOST = 0.9  # of a relative increase, so that some friction is left where it decreases; assumed [1]
-UNCUT = 1e100  # scale with which no memory is cut back [1]
+UNCUT = 1e15  # scale with which no memory is cut back [1]
 LIMITS = {  # (low, high), so that both directions keep some friction and the exponential stays a moderate factor
     "asymmetry": (-MOST, MOST),  # [1]
     "temperature_rate": (-0.05, 0.05),  # [1/K]

@@ -14,6 +14,7 @@ from steer_env.friction import defaults
 from steer_env.friction.law import register
 from steer_env.friction.numerics.check import positive
 from steer_env.friction.numerics.kernel import kernel
+from steer_env.friction.numerics.simd import maximum, where
 
 
 class Coulomb(NamedTuple):
@@ -30,7 +31,7 @@ def make(*, F_c: float = defaults.F_C) -> Coulomb:
 @kernel
 def torque(p, torque_scale, memory, w):
     # At rest the torque is whatever the balance needs; a displacement history has no balance, and zero is assumed.
-    return torque_scale * p.F_c * math.copysign(1.0, w) if w != 0.0 else 0.0  # (F1)
+    return where(w != 0.0, torque_scale * p.F_c * math.copysign(1.0, w), 0.0)  # (F1)
 
 
 @kernel
@@ -40,7 +41,7 @@ def mean_torque(p, torque_scale, memory, w, h):
 
 @kernel
 def solve(p, torque_scale, memory, S, R, h, w_guess):
-    return math.copysign(max(abs(R) - torque_scale * p.F_c, 0.0), R) / S  # (F7)
+    return math.copysign(maximum(abs(R) - torque_scale * p.F_c, 0.0), R) / S  # (F7)
 
 
 register(
@@ -50,6 +51,7 @@ register(
     torque=torque,
     mean_torque=mean_torque,
     solve=solve,
+    wide=True,
     fitted=("F_c",),
     units={"F_c": "N m"},
 )

@@ -67,6 +67,7 @@ register(
     rate=rate,
     stored_energy=stored_energy,
     mean_torque=mean_torque,
+    wide=True,
     fitted=("sigma_0", "F_c"),
     units={"sigma_0": "N m/rad", "F_c": "N m"},
 )

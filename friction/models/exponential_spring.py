@@ -90,6 +90,7 @@ register(
     stored_energy=stored_energy,
     mean_torque=mean_torque,
     relaxes=True,
+    wide=True,
     fitted=("sigma_0", "F_c"),
     units={"sigma_0": "N m/rad", "F_c": "N m", "k_m": "N m/rad", "tau_m": "s"},
 )

@@ -5,6 +5,7 @@ import pytest
 
 from steer_env import friction
 from steer_env.friction import level, sites
+from steer_env.friction.law import LAWS
 from steer_env.friction.numerics import packing
 from steer_env.friction.numerics.kernel import COMPILED
 from steer_env.vehicle import cars, plant, road
@@ -75,6 +76,16 @@ def test_rows_run_as_their_plants_alone(law, chassis):
         assert np.array_equal(row[0], channels[i])
 
 
+WIDE = [
+    *("lugre", "lugre@column_eps"),
+    *[
+        pytest.param(law, marks=pytest.mark.whole)
+        for law in (*friction.available(), "coulomb@column_eps")
+        if law != "lugre" and LAWS[law.partition("@")[0]].wide
+    ],
+]
+
+
 def seven_rows(friction_text):
     """Plants that differ in what a row may have of its own; two are led by robots, which no group holds with others."""
     kinds = [
@@ -94,13 +105,14 @@ def seven_rows(friction_text):
     ]
     for i, (load, keys, speed, mu, conditions) in enumerate(kinds):
         law, _, site = friction_text.partition("@")
+        keys = {"sigma_2": keys["F_c"]} if law == "viscous" else keys
         made = sites.resolve({site: {"law": law, **keys}} if site else {"law": law, **keys})
         p = CAR.loaded(load).plant(made, speed=speed, road_friction=mu)
         yield p._replace(level=level.Level(**conditions), robot=float(i in (0, 3)))
 
 
 @pytest.mark.skipif(not COMPILED, reason="rows run side by side in compiled code alone")
-@pytest.mark.parametrize("law", ["lugre", "lugre@column_eps"])
+@pytest.mark.parametrize("law", WIDE)
 def test_four_rows_side_by_side_have_the_bits_of_each_alone(law):
     """Whatever the others are: groups begin at any row, one fails, two have a robot, one sticks, one slides fast."""
     rng = np.random.default_rng(0)
