@@ -38,7 +38,7 @@ def run(args: argparse.Namespace) -> int:
     require_format([file])
     trace = traces.read(file)
     if "command" not in trace:
-        raise ValueError(f"{file}: its trace holds no command, as a Python program wrote it")
+        raise ValueError(f"{file}: its trace holds no command, as a Python program or 'benchmark' wrote it")
     _check_versions(file, trace, args.any_version)
     with contextlib.ExitStack() as stack:
         if args.out and args.out.exists() and (not args.out.is_dir() or any(args.out.iterdir())):

@@ -162,7 +162,8 @@ def entry(text: str, of: Suite) -> Entry:
 
 def _terms(name: str, of: Suite) -> dict[str, str]:
     """Terms of a baseline, with the budget of the search for its options where there was one."""
-    terms: dict[str, str] = toml.loads(TOLD.read_text(encoding="utf-8"))[name]
+    unknown = dict.fromkeys(("information", "tuning"), "not stated")  # a baseline that the user has registered
+    terms: dict[str, str] = toml.loads(TOLD.read_text(encoding="utf-8")).get(name, unknown)
     searched = json.loads(TUNED.read_text(encoding="utf-8"))
     found = [searched[env_id][name] for env_id in of.references if name in searched.get(env_id, {})]
     if found:

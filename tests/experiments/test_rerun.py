@@ -267,7 +267,7 @@ def test_what_holds_no_trace_is_refused(tmp_path, capsys):
     for key, value in (("version", None), ("packages", 1), ("command", "car"), ("result", "../car"), ("inputs", [1])):
         (tmp_path / "bad.json").write_text(json.dumps({"trace": {**own, key: value}}))
         assert f"bad.json: its trace holds no {key} as this program writes it" in rerun("bad.json", capsys)[1]
-    assert "its trace holds no command, as a Python program wrote it" in rerun("other.json", capsys)[1]
+    assert "its trace holds no command, as a Python program or 'benchmark' wrote it" in rerun("other.json", capsys)[1]
 
 
 def test_a_manoeuvre_of_all_is_made_again_by_itself(tmp_path, monkeypatch, capsys):
