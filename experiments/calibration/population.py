@@ -80,8 +80,8 @@ def population(
         ``"friction.sigma_0"``, without ``"speed"``.
     manoeuvre : str, sequence of str or mapping
         Tests that have metrics; the motion of the hands is found for each car where a test asks for a lateral
-        acceleration. A mapping gives each test the options of ``manoeuvres.make``: ``{"weave": {"amplitude": 0.26}}``
-        turns the handwheel of every car by as much.
+        acceleration. A mapping gives each test options of ``manoeuvres.make``, and those that it leaves out are of the
+        standard test: ``{"weave": {"amplitude": 0.26}}`` turns the handwheel of every car by as much.
     friction : str, mapping or parameters, optional
         Law of the nominal car, in a form of ``friction.resolve``; otherwise the car's own friction.
     distribution : {"uniform", "normal"}
