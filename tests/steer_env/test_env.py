@@ -374,7 +374,7 @@ def test_a_state_that_turns_nan_ends_the_episode_and_is_named():
     assert reward == -1.0
     assert env.observation_space.contains(observation)
     assert info["failure"] == NON_FINITE
-    assert env.failure_text() == env.failure_text(NON_FINITE) == "a state is not finite: friction_torque_mean [N m]"
+    assert env.failure_text() == env.failure_text(NON_FINITE) == "a state is not finite: handwheel_angle [rad]"
     env.reset()
     assert (env.failure_text(), env.failure_text(NON_FINITE)) == ("", "a state is not finite")
     for code in (5, -1, 1.0, "spun"):
