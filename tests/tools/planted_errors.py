@@ -52,7 +52,7 @@ ERRORS = (
     Planted(
         "a sticking column keeps its momentum",
         "vehicle/steering/column.py",
-        "q[COLUMN_SPEED] = 2.0 * w2 - q[COLUMN_SPEED] if w2 != 0.0 else 0.0",
+        "q[COLUMN_SPEED] = where(w2 != 0.0, 2.0 * w2 - q[COLUMN_SPEED], 0.0)",
         "q[COLUMN_SPEED] = 2.0 * w2 - q[COLUMN_SPEED]",
         "tests/vehicle/test_column.py tests/vehicle",
     ),
@@ -73,8 +73,8 @@ ERRORS = (
     Planted(
         "the rack force turns the column the wrong way",
         "vehicle/plant.py",
-        "T_C = motor - p.pinion_radius * force  # (P2)",
-        "T_C = motor + p.pinion_radius * force  # (P2)",
+        "T_C = T_m - p.pinion_radius * force  # (P2)",
+        "T_C = T_m + p.pinion_radius * force  # (P2)",
         "tests/vehicle/test_plant.py",
     ),
     Planted(
