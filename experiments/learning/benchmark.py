@@ -42,9 +42,8 @@ from steer_env.registration import id_of
 from steer_env.tasks.common.definition import COST_LIMIT
 
 TOLD = policy.SHIPPED_IN.with_name("controllers.toml")  # terms of the controllers that are not trained
-SEEDS = range(
-    1_000_000_000, 2_000_000_000
-)  # of which those of a round are drawn, apart from the fixed ones of this package
+# Of which the seeds of a round are drawn, apart from the fixed ones of this package.
+SEEDS = range(1_000_000_000, 2_000_000_000)
 KINDS = BASELINE, POLICY, CLASS = "baseline", "policy", "class"  # of controllers
 KEYS = frozenset({"suite", "controller", "round", "score", "parts", "episodes", "trace", "sha256"})  # of a result
 CONTROLLER, ZERO, REFERENCE = "controller", "zero", "reference"  # whose episodes a result holds

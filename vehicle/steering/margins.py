@@ -241,26 +241,19 @@ def _response(system: control.StateSpace, z: NDArray[np.complex128]) -> NDArray[
 def of_slopes(c: Column, a: Assist, slopes: Iterable[tuple[float, float]], speed: float) -> list[Margins]:
     """Margins of :func:`hands_fixed_loop` at each pair of slopes, of boost and functions [1], at a speed [m/s].
 
-    The plant is read once for all, and the answer to the torque, which is linear in both slopes, without them and with
-    a slope of 1.
+    The plant is read once for all, and the answer to the torque, which is linear in the slope of the boost, at 0 and 1.
     """
     plant, none, one = hands_fixed_plant(c, a, speed)[0, 0], answer(a, 0.0, 0.0), answer(a, 1.0, 0.0)
     z = np.exp(2j * math.pi * FREQUENCIES * SAMPLE_TIME)
     P, others, lead = (_response(system, z) for system in (plant, none, one - none))
-    own, boost, more = (
-        np.block([[A + plant.B @ D @ plant.C, plant.B @ C], [B @ plant.C, K]])
-        for A, B, C, D, K in (
-            (plant.A, none.B, one.C, none.D, one.A),
-            (0.0 * plant.A, one.B - none.B, 0.0 * one.C, one.D - none.D, 0.0 * one.A),
-            (0.0 * plant.A, 0.0 * none.B, 0.0 * one.C, np.eye(1), 0.0 * one.A),
-        )
-    )
-    pairs = list(slopes)
-    if not pairs:
+    loops, closed = [], []
+    for boost, more in slopes:
+        B, D = none.B + boost * (one.B - none.B), none.D + boost * (one.D - none.D) + more
+        closed.append(np.block([[plant.A + plant.B @ D @ plant.C, plant.B @ one.C], [B @ plant.C, one.A]]))
+        loops.append(-(others + boost * lead + more) * P)  # (E6)
+    if not closed:
         return []
-    poles = np.linalg.eigvals([own + slope * boost + other * more for slope, other in pairs])
-    stable = np.abs(poles).max(axis=1) < 1.0
-    loops = (-(others + slope * lead + other) * P for slope, other in pairs)  # (E6)
+    stable = np.abs(np.linalg.eigvals(closed)).max(axis=1) < 1.0  # in one call: less than half the time
     return [read(FREQUENCIES, L, bool(holds)) for L, holds in zip(loops, stable)]
 
 
