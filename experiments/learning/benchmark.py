@@ -1,13 +1,14 @@
 """The benchmark: the score of a controller in a suite of ids, and a result file that can be checked.
 
-The score in an id is what a controller gains over zero action, as a share of what the id's reference gains,
+The score in a drive, an id with or without a friction law that is not the car's, is what a controller gains over zero
+action, as a share of what the reference of the drive gains,
 
     score = mean(R - R_zero) / mean(R_reference - R_zero),
 
 over the same seeds: 0 is zero action, 1 is the reference, a baseline that stays the same whoever enters. The range
 below the line is a mean, as on some seeds zero action alone does well. Its interval is Student's on the linearised
 ratio, score + ((R - R_zero) - score (R_reference - R_zero)) / range, seed by seed. The score of a suite is the mean
-over its ids, in which a seed counts once: its linearised scores are averaged over the ids first. An id that a
+over its drives, in which a seed counts once: its linearised scores are averaged over the drives first. A drive that a
 controller does not enter counts as 0. A failed episode counts with its reward.
 
 Source of the interval: delta method for a ratio estimator, Cochran, Sampling Techniques (1977), section 6.4.
@@ -51,21 +52,46 @@ CONTROLLER, ZERO, REFERENCE = "controller", "zero", "reference"  # whose episode
 Array = NDArray[np.float64]
 
 
+class Drive(NamedTuple):
+    """A part of a suite: an id at its default settings, but for a friction law."""
+
+    env_id: str
+    reference: str  # the baseline that scores 1
+    friction: str | None = None  # None is that of the car
+
+    @property
+    def name(self) -> str:
+        """The id, and the law if there is one."""
+        return self.env_id if self.friction is None else f"{self.env_id} {self.friction}"
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Arguments of ``gymnasium.make_vec``."""
+        return {} if self.friction is None else {"friction": self.friction}
+
+
 class Suite(NamedTuple):
-    """Ids at their default settings, and the baseline that scores 1 in each."""
+    """Drives, by their names."""
 
     name: str
-    references: Mapping[str, str]  # id -> baseline
+    drives: Mapping[str, Drive]
+
+    @property
+    def ids(self) -> list[str]:
+        """Its ids, each once."""
+        return list(dict.fromkeys(drive.env_id for drive in self.drives.values()))
 
     def baselines(self) -> list[str]:
         """Zero and random action, and the names of the baselines of all ids."""
-        return list(dict.fromkeys(name for env_id in self.references for name in (*SIMPLE, *baselines(env_id))))
+        return list(dict.fromkeys(name for env_id in self.ids for name in (*SIMPLE, *baselines(env_id))))
 
 
 def suite(name: str) -> Suite:
     """A suite by name; ValueError for an unknown one."""
     one_of("the suite", name, SUITES)
-    return Suite(name, {id_of(task): reference for task, reference in SUITES[name].items()})
+    parts = [(*text.split(), reference) for text, reference in SUITES[name].items()]
+    drives = [Drive(id_of(task), reference, *law) for task, *law, reference in parts]
+    return Suite(name, {drive.name: drive for drive in drives})
 
 
 class Round(NamedTuple):
@@ -143,7 +169,7 @@ def entry(text: str, of: Suite) -> Entry:
         If it is none of these, or is of no id of the suite.
     """
     if text in of.baselines():
-        known = {env_id: {**SIMPLE, **baselines(env_id)} for env_id in of.references}
+        known = {env_id: {**SIMPLE, **baselines(env_id)} for env_id in of.ids}
         makers = {env_id: found[text] for env_id, found in known.items() if text in found}
         return Entry(text, BASELINE, makers, _terms(text, of), {})
     if text == SHIPPED:
@@ -164,10 +190,10 @@ def _terms(name: str, of: Suite) -> dict[str, str]:
     unknown = dict.fromkeys(("information", "tuning"), "not stated")  # a baseline that the user has registered
     terms: dict[str, str] = toml.loads(TOLD.read_text(encoding="utf-8")).get(name, unknown)
     searched = json.loads(TUNED.read_text(encoding="utf-8"))
-    found = [searched[env_id][name] for env_id in of.references if name in searched.get(env_id, {})]
+    found = [searched[env_id][name] for env_id in of.ids if name in searched.get(env_id, {})]
     if found:
         episodes = sum(each["candidates"] * each["episodes"] for each in found)
-        terms["tuning"] = f"{episodes} episodes in {len(found)} of {len(of.references)} ids"
+        terms["tuning"] = f"{episodes} episodes in {len(found)} of {len(of.ids)} ids"
     return terms
 
 
@@ -179,9 +205,9 @@ def _policies(name: str, place: Path, of: Suite) -> Entry:
         if env_id in paths:
             raise ValueError(f"{paths[env_id]} and {path} are both of {env_id}: an entry has one policy for each id")
         paths[env_id] = path
-    entered = {env_id: paths[env_id] for env_id in of.references if env_id in paths}
+    entered = {env_id: paths[env_id] for env_id in of.ids if env_id in paths}
     if not entered:
-        raise ValueError(f"{place} holds no policy of an id of the suite {of.name}: {', '.join(of.references)}")
+        raise ValueError(f"{place} holds no policy of an id of the suite {of.name}: {', '.join(of.ids)}")
     steps = 0
     for env_id, path in entered.items():
         about = policy.about(path)
@@ -244,7 +270,7 @@ def _own(text: str, of: Suite) -> Entry:
     about = (made.__doc__ or "not stated").strip().partition("\n")[0].rstrip(".")
     terms = {"information": about, "tuning": str(getattr(made, "tuning", "not stated"))}
     make = replace(own, digests=tuple(digests.items()))
-    return Entry(f"{own.module}:{name}", CLASS, dict.fromkeys(of.references, make), terms, digests)
+    return Entry(f"{own.module}:{name}", CLASS, dict.fromkeys(of.ids, make), terms, digests)
 
 
 def _in_words(error: BaseException) -> str:
@@ -255,17 +281,17 @@ def _in_words(error: BaseException) -> str:
 
 
 class Case(NamedTuple):
-    """A controller that a worker drives in an id."""
+    """A controller that a worker drives."""
 
     label: str
-    env_id: str
+    drive: Drive
     make: Maker
     seeds: tuple[int, ...]
 
 
 def driven(case: Case) -> Episodes:
-    """The episodes of a case, one for each seed, at the default settings of the id."""
-    env: Any = gym.make_vec(case.env_id, num_envs=len(case.seeds))
+    """The episodes of a case, one for each seed."""
+    env: Any = gym.make_vec(case.drive.env_id, num_envs=len(case.seeds), **case.drive.settings)
     try:
         return held_out.drive(env, _Told(case, env), case.seeds)
     finally:
@@ -305,7 +331,7 @@ class Result(NamedTuple):
     suite: Suite
     controller: Mapping[str, Any]  # of :meth:`Entry.about`
     round: Round
-    episodes: Mapping[str, Mapping[str, Episodes]]  # id -> whose -> episodes; an id that it does not enter has no own
+    episodes: Mapping[str, Mapping[str, Episodes]]  # drive -> whose -> episodes; no own ones where it does not enter
 
 
 def enter(
@@ -319,22 +345,22 @@ def enter(
     if len({(each.kind, each.name) for each in entries}) < len(entries):
         raise ValueError(f"entries need names of their own, got {', '.join(each.name for each in entries)}: rename one")
     cases: dict[tuple[str, str, str], Case] = {}
-    for env_id, reference in of.references.items():
-        known = {**SIMPLE, **baselines(env_id)}
-        makers = {(each.kind, each.name): each.makers[env_id] for each in entries if env_id in each.makers}
-        makers |= {(BASELINE, name): known[name] for name in ("zero", reference)}
-        cases |= {(env_id, *who): Case(who[1], env_id, make, seeds.seeds) for who, make in makers.items()}
-    every = sweep(driven, cases.values(), notify=notify, words=lambda case: f"{case.env_id} {case.label}")
+    for drive in of.drives.values():
+        known = {**SIMPLE, **baselines(drive.env_id)}
+        entered = [each for each in entries if drive.env_id in each.makers]
+        makers = {(each.kind, each.name): each.makers[drive.env_id] for each in entered}
+        makers |= {(BASELINE, name): known[name] for name in ("zero", drive.reference)}
+        cases |= {(drive.name, *who): Case(who[1], drive, make, seeds.seeds) for who, make in makers.items()}
+    every = sweep(driven, cases.values(), notify=notify, words=lambda case: f"{case.drive.name} {case.label}")
     found = dict(zip(cases, every))
 
-    def episodes(each: Entry, env_id: str, reference: str) -> dict[str, Episodes]:
-        own = {CONTROLLER: found[env_id, each.kind, each.name]} if env_id in each.makers else {}
-        return own | {ZERO: found[env_id, BASELINE, "zero"], REFERENCE: found[env_id, BASELINE, reference]}
+    def episodes(each: Entry, drive: Drive) -> dict[str, Episodes]:
+        who = {ZERO: (drive.name, BASELINE, "zero"), REFERENCE: (drive.name, BASELINE, drive.reference)}
+        own = {CONTROLLER: (drive.name, each.kind, each.name)} if drive.env_id in each.makers else {}
+        return {whose: found[key] for whose, key in (own | who).items()}
 
     return [
-        Result(
-            of, each.about(), seeds, {env_id: episodes(each, env_id, name) for env_id, name in of.references.items()}
-        )
+        Result(of, each.about(), seeds, {name: episodes(each, drive) for name, drive in of.drives.items()})
         for each in entries
     ]
 
@@ -373,10 +399,10 @@ class Part(NamedTuple):
 def parts(result: Result) -> dict[str, Part]:
     """What a result says of each id."""
     made = {}
-    for env_id, found in result.episodes.items():
+    for name, found in result.episodes.items():
         own = found.get(CONTROLLER)
-        made[env_id] = Part(
-            result.suite.references[env_id],
+        made[name] = Part(
+            result.suite.drives[name].reference,
             held_out.mean(found[REFERENCE].reward - found[ZERO].reward),
             held_out.mean(_linearised(found)),
             held_out.summary(own) if own else {},
@@ -392,9 +418,9 @@ def document(result: Result, trace: Mapping[str, Any] | None = None) -> dict[str
         "controller": dict(result.controller),
         "round": {"salt": result.round.salt, "seeds": [*result.round.seeds], "sha256": result.round.sha256},
         "score": _estimate(score(result)),
-        "parts": {env_id: _part(part) for env_id, part in parts(result).items()},
+        "parts": {name: _part(part) for name, part in parts(result).items()},
         "episodes": {
-            env_id: {whose: _raw(each) for whose, each in found.items()} for env_id, found in result.episodes.items()
+            name: {whose: _raw(each) for whose, each in found.items()} for name, found in result.episodes.items()
         },
         "trace": dict(provenance.trace() if trace is None else trace),
     }
@@ -455,18 +481,18 @@ def _read(found: Any) -> tuple[dict[str, Any], Result]:
     traces.check_program(found["trace"])
     drawn = _round({key: value for key, value in seeds.items() if key != "sha256"})
     raw = found["episodes"]
-    if not isinstance(raw, dict) or set(raw) != set(of.references):
-        raise ValueError(f"its ids are not those of the suite {of.name} here: {', '.join(of.references)}")
-    episodes = {env_id: _of_id(env_id, raw[env_id], len(drawn.seeds)) for env_id in of.references}
+    if not isinstance(raw, dict) or set(raw) != set(of.drives):
+        raise ValueError(f"its ids are not those of the suite {of.name} here: {', '.join(of.drives)}")
+    episodes = {name: _of_drive(name, raw[name], len(drawn.seeds)) for name in of.drives}
     return found, Result(of, about, drawn, episodes)
 
 
-def _of_id(env_id: str, raw: Any, n: int) -> dict[str, Episodes]:
-    """The episodes of an id: of the controller, where it enters, of zero action and of the reference."""
+def _of_drive(name: str, raw: Any, n: int) -> dict[str, Episodes]:
+    """The episodes of a drive: of the controller, where it enters, of zero action and of the reference."""
     if not isinstance(raw, dict) or not {ZERO, REFERENCE} <= set(raw) <= {CONTROLLER, ZERO, REFERENCE}:
-        raise ValueError(f"episodes of {env_id} must be those of {CONTROLLER}, {ZERO} and {REFERENCE}")
+        raise ValueError(f"episodes of {name} must be those of {CONTROLLER}, {ZERO} and {REFERENCE}")
     return {
-        whose: _episodes(f"{env_id}, {whose}", raw[whose], n) for whose in (CONTROLLER, ZERO, REFERENCE) if whose in raw
+        whose: _episodes(f"{name}, {whose}", raw[whose], n) for whose in (CONTROLLER, ZERO, REFERENCE) if whose in raw
     }
 
 
@@ -502,6 +528,6 @@ def again(
     """
     (found,) = enter([who or Entry("", "", {}, {}, {})], result.suite, result.round, notify, sweep)
     if who is None:
-        own = {env_id: {**result.episodes[env_id], **each} for env_id, each in found.episodes.items()}
+        own = {name: {**result.episodes[name], **each} for name, each in found.episodes.items()}
         found = found._replace(controller=result.controller, episodes=own)
     return traces.unequal(document(result), document(found))

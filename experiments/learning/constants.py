@@ -20,8 +20,8 @@ SHIFTS = (
 ALGORITHMS = ("ppo", "sac", "recurrent-ppo")
 CONSTRAINT = "constraint.csv"  # beside the curve of a training with a budget: cost and multiplier of every rollout
 
-# Suites of the benchmark: task -> the baseline that scores 1 in it, which had the largest reward when the suite was
-# made. Another one makes another suite.
+# Suites of the benchmark: task, and a friction law where it is not that of the car -> the baseline that scores 1 there,
+# which had the largest reward when the suite was made. Another one makes another suite.
 SUITES = {
     "drivers": {
         "DriverDoubleLaneChange": "macadam",
@@ -38,5 +38,13 @@ SUITES = {
         "AssistParking": "lqg",
         "AssistRelease": "active_return",
         "AssistWeave": "lqg",
+    },
+    "friction": {
+        "DriverOnCentre coulomb": "angle_servo",
+        "DriverOnCentre masing": "angle_servo",
+        "DriverOnCentre viscous": "angle_servo",
+        "AssistWeave coulomb": "lqg",
+        "AssistWeave masing": "lqg",
+        "AssistWeave viscous": "lqg",
     },
 }

@@ -9,7 +9,7 @@ import gymnasium as gym
 from steer_env import tasks
 from steer_env.environments import default_speed
 from steer_env.experiments.learning import benchmark, policy_report
-from steer_env.experiments.learning.benchmark import KINDS, Part, Result
+from steer_env.experiments.learning.benchmark import KINDS, Drive, Part, Result
 from steer_env.experiments.learning.constants import SUITES
 from steer_env.experiments.learning.held_out import Estimate
 from steer_env.experiments.pages import provenance
@@ -55,12 +55,12 @@ class Standing(NamedTuple):
 
     def summary(self) -> Table:
         """The score of every entry, and of its parts."""
-        ids = list(self.results[0].suite.references)
+        drives = self.results[0].suite.drives
         rows = [
-            (name, spread(score), *(_marked(parts[env_id]) for env_id in ids))
+            (name, spread(score), *(_marked(parts[drive]) for drive in drives))
             for name, score, parts in zip(self.names, self.scores, self.parts)
         ]
-        return Table(f"Scores in the suite {self.suite}", ("entry", "score", *map(short, ids)), rows)
+        return Table(f"Scores in the suite {self.suite}", ("entry", "score", *map(short, drives.values())), rows)
 
     def terms(self) -> Table:
         """On which terms every entry acts, and with what budget it was tuned."""
@@ -70,11 +70,11 @@ class Standing(NamedTuple):
         ]
         return Table(f"Terms of the entries in {self.suite}", ("entry", *TERMS), rows, text=True)
 
-    def of_id(self, env_id: str) -> Table:
-        """Score, reward, cost, failures and the metric that the task is judged by, of every entry of an id."""
-        some = self.results[0].episodes[env_id][benchmark.ZERO]
+    def of_drive(self, drive: Drive) -> Table:
+        """Score, reward, cost, failures and the metric that the task is judged by, of every entry in a drive."""
+        some = self.results[0].episodes[drive.name][benchmark.ZERO]
         aim = policy_report.aim(some.metrics)
-        task = tasks.task(env_id.removeprefix("steer_env/").rpartition("-")[0])
+        task = tasks.task(_task(drive))
         units = {"cost": "", **{metric.name: unit(metric.unit) for metric in task.metrics}}
         rows = [
             (
@@ -85,19 +85,18 @@ class Standing(NamedTuple):
                 spread(part.summary[aim]),
             )
             for name, part in sorted(
-                ((name, parts[env_id]) for name, parts in zip(self.names, self.parts) if parts[env_id].summary),
+                ((name, parts[drive.name]) for name, parts in zip(self.names, self.parts) if parts[drive.name].summary),
                 key=lambda row: -row[1].score.value,
             )
         ]
-        part = self.parts[0][env_id]
-        caption = f"{env_id}: Score 1 is {label(part.reference)}, {spread(part.span)} of reward above zero action"
+        part = self.parts[0][drive.name]
+        caption = f"{drive.name}: Score 1 is {label(part.reference)}, {spread(part.span)} of reward above zero action"
         shown = f"{label(aim)} [{units[aim]}]" if units[aim] else label(aim)
-        return Table(caption, ("entry", "score", "reward", "cost", "failed", shown), rows, settings(env_id))
+        return Table(caption, ("entry", "score", "reward", "cost", "failed", shown), rows, settings(drive))
 
     def tables(self) -> list[Table]:
         """All tables."""
-        ids = self.results[0].suite.references
-        return [self.summary(), self.terms(), *(self.of_id(env_id) for env_id in ids)]
+        return [self.summary(), self.terms(), *map(self.of_drive, self.results[0].suite.drives.values())]
 
 
 def standings(results: Sequence[Result]) -> list[Standing]:
@@ -112,15 +111,20 @@ def standings(results: Sequence[Result]) -> list[Standing]:
     return found
 
 
-def short(env_id: str) -> str:
-    """The name of a task without its role, in words: of ``steer_env/AssistLaneKeeping-v3`` "lane keeping"."""
-    name = env_id.removeprefix("steer_env/").rpartition("-")[0].removeprefix("Driver").removeprefix("Assist")
-    return "".join(f" {letter.lower()}" if letter.isupper() else letter for letter in name).strip()
+def _task(drive: Drive) -> str:
+    return drive.env_id.removeprefix("steer_env/").rpartition("-")[0]
 
 
-def settings(env_id: str) -> str:
-    """The default settings of an id in words."""
-    env: Any = gym.make(env_id).unwrapped
+def short(drive: Drive) -> str:
+    """The task without its role, in words, and the law: "lane keeping" of ``steer_env/AssistLaneKeeping-v3``."""
+    name = _task(drive).removeprefix("Driver").removeprefix("Assist")
+    words = "".join(f" {letter.lower()}" if letter.isupper() else letter for letter in name).strip()
+    return words if drive.friction is None else f"{words}, {label(drive.friction)}"
+
+
+def settings(drive: Drive) -> str:
+    """The settings of a drive in words."""
+    env: Any = gym.make(drive.env_id).unwrapped
     task, usual = env.task, env.batch.usual_conditions
     speed = f"{3.6 * usual.speed:g} km/h" if task.speeds is None else f"a speed {default_speed(task)}"
     env.close()

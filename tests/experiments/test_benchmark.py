@@ -13,7 +13,7 @@ import pytest
 
 from steer_env import assists, drivers
 from steer_env.experiments.cli.main import main
-from steer_env.experiments.learning import benchmark, policy
+from steer_env.experiments.learning import benchmark, held_out, policy
 from steer_env.experiments.learning.benchmark import CONTROLLER, REFERENCE, ZERO, Result, Round
 from steer_env.experiments.learning.constants import SUITES
 from steer_env.experiments.learning.controllers import baselines
@@ -67,10 +67,10 @@ def made(rewards, references, zeros, costs=0.0):
 def result_of(*found):
     """A result with these episodes of the first ids of the assists."""
     whole = benchmark.suite("assists")
-    of = whole._replace(references=dict(list(whole.references.items())[: len(found)]))
+    of = whole._replace(drives=dict(list(whole.drives.items())[: len(found)]))
     n = found[0][ZERO].reward.size
     about = {"name": "own", "kind": "class", "terms": {}, "sha256": {}}
-    return Result(of, about, Round("salt", tuple(range(n))), dict(zip(of.references, found)))
+    return Result(of, about, Round("salt", tuple(range(n))), dict(zip(of.drives, found)))
 
 
 def test_zero_action_scores_0_and_the_reference_1_without_an_interval():
@@ -102,11 +102,29 @@ def test_a_cost_above_the_limit_is_told():
 
 @pytest.mark.parametrize("name", SUITES)
 def test_the_references_are_baselines_of_ids_of_today(name):
-    of = benchmark.suite(name)
-    assert set(of.references) == {
-        env_id for env_id in DRIVEN if env_id.startswith(f"steer_env/{name[:-1].capitalize()}")
-    }
-    assert all(reference in baselines(env_id) for env_id, reference in of.references.items())
+    assert all(drive.reference in baselines(drive.env_id) for drive in benchmark.suite(name).drives.values())
+
+
+def test_drivers_and_assists_have_all_ids_of_their_kind_and_the_friction_of_the_car():
+    for name, kind in (("drivers", "Driver"), ("assists", "Assist")):
+        assert set(benchmark.suite(name).drives) == {env_id for env_id in DRIVEN if kind in env_id}
+
+
+def test_a_drive_has_its_law_and_one_policy_enters_all_drives_of_its_id(monkeypatch):
+    of = benchmark.suite("friction")
+    shipped = benchmark.entry("shipped", of)
+    assert set(shipped.makers) == set(of.ids) == {id_of("DriverOnCentre"), id_of("AssistWeave")}
+    monkeypatch.setitem(SUITES, "friction", {f"AssistRelease {law}": "damping" for law in ("coulomb", "viscous")})
+    of = benchmark.suite("friction")
+    (result,) = benchmark.enter([benchmark.entry("damping", of)], of, benchmark.held_out_round(2))
+    for name, law in zip(of.drives, ("coulomb", "viscous")):
+        env = gym.make_vec(RELEASE, num_envs=2, friction=law)
+        alone = held_out.drive(env, assists.make("damping", env), benchmark.held_out_round(2).seeds)
+        env.close()
+        assert name == f"{RELEASE} {law}"
+        assert result.episodes[name][CONTROLLER].reward.tolist() == alone.reward.tolist()
+    assert len({each[ZERO].reward[0] for each in result.episodes.values()}) == 2
+    assert scores.thresholds(benchmark_page.standings([result])) == {}
 
 
 def test_every_baseline_states_its_terms():
@@ -309,7 +327,7 @@ def test_a_controller_that_fails_is_told_in_one_sentence(name, there, short, cap
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["zero"], "give one of --suite (drivers, assists), --verify and --new-round"),
+        (["zero"], "give one of --suite (drivers, assists, friction), --verify and --new-round"),
         (["zero", "--suite", "assists", "--round", "round.json", "--episodes", "3"], "--episodes has no effect here"),
         (["zero", "zero", "--suite", "assists"], "entries need names of their own, got zero, zero"),
         (["zero", "--suite", "assists", "--out", "broken"], "assists-class-x.json: is no result"),

@@ -12,15 +12,15 @@ from steer_env.experiments.pages.files import write_json
 from steer_env.experiments.reports.benchmark_page import MARK, Standing
 
 
-def thresholds(found: Sequence[Standing]) -> dict[str, float]:
+def thresholds(standings: Sequence[Standing]) -> dict[str, float]:
     """The reward from which an id counts as solved: the mean of its best baseline, rounded down to three digits."""
     best: dict[str, float] = {}
-    for standing in found:
+    for standing in standings:
         for result, parts in zip(standing.results, standing.parts):
             if result.controller["kind"] == BASELINE and result.controller["name"] not in SIMPLE:
-                for env_id, part in parts.items():
-                    if part.summary:
-                        best[env_id] = max(best.get(env_id, -math.inf), part.summary["reward"].value)
+                for drive in standing.results[0].suite.drives.values():
+                    if drive.friction is None and (found := parts[drive.name].summary):
+                        best[drive.env_id] = max(best.get(drive.env_id, -math.inf), found["reward"].value)
     return {env_id: rounded_down(value) for env_id, value in sorted(best.items())}
 
 
@@ -44,16 +44,18 @@ def markdown(found: Sequence[Standing]) -> str:
     lines = [
         "# Scores",
         "`steer-env benchmark` writes these tables, and [benchmark.md](benchmark.md) tells how a score is made: every "
-        "controller in the same held-out episodes of each id at its default settings, mean and 95 % interval. "
-        f"`{MARK}` marks a mean cost above the limit of 1.",
+        "controller in the same held-out episodes of each id at its default settings, but for the friction law where "
+        f"one stands beside it; mean and 95 % interval. `{MARK}` marks a mean cost above the limit of 1.",
     ]
     for standing in found:
         seeds = standing.results[0].round.seeds
         summary, terms = standing.summary(), standing.terms()
         lines += [f"## {summary.caption}", f"{len(seeds)} seeds from {seeds[0]} to {seeds[-1]}."]
         lines += [table(summary.head, summary.rows), f"### {terms.caption}", table(terms.head, terms.rows)]
-        for env_id in standing.results[0].suite.references:
-            shown = standing.of_id(env_id)
-            told = f"{shown.caption.removeprefix(f'{env_id}: ')}. {shown.about} `reward_threshold`: {solved[env_id]:g}."
-            lines += [f"### `{env_id}`", told, table(shown.head, shown.rows)]
+        for name, drive in standing.results[0].suite.drives.items():
+            shown = standing.of_drive(drive)
+            told = f"{shown.caption.removeprefix(f'{name}: ')}. {shown.about}"
+            if name in solved:
+                told += f" `reward_threshold`: {solved[name]:g}."
+            lines += [f"### `{name}`", told, table(shown.head, shown.rows)]
     return "\n\n".join(lines) + "\n"
