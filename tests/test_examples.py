@@ -4,12 +4,16 @@ import importlib.util
 import sys
 from pathlib import Path
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
 from steer_env import friction
 from steer_env.experiments.cli.main import main
+from steer_env.experiments.learning import held_out
+from steer_env.experiments.learning.controllers import ZeroAction
 from steer_env.friction import law
+from steer_env.registration import id_of
 from steer_env.vehicle import cars
 
 FOLDER = Path(__file__).parents[1] / "examples"
@@ -47,6 +51,27 @@ def test_tune_assist(tmp_path):
 def test_plan_by_cross_entropy():
     found = load("plan_by_cross_entropy").main(4.0)
     assert found["cross-entropy"] > found["zero action"]
+
+
+def test_fmu_controller(tmp_path, monkeypatch):
+    """It earns what a class with the equation of the FMU earns: the force of a spring of 0.02 in place of an assist."""
+    foreign = pytest.importorskip("tests.connect.external.foreign")
+    foreign.write(tmp_path, {"modelDescription.xml": foreign.description(), foreign.BINARY: foreign.library(tmp_path)})
+    example = load("fmu_controller")
+    monkeypatch.setattr(example, "FMU", tmp_path / "foreign.fmu")
+    monkeypatch.setattr(example, "INPUTS", {"torsion_bar_torque": "Rack.q"})
+    monkeypatch.setattr(example, "OUTPUT", "Rack.force")
+    env = gym.make_vec(id_of("AssistRelease"), num_envs=2)
+    found, zero = (held_out.drive(env, make(env), (1, 2)) for make in (example.FmuAssist, ZeroAction))
+
+    class Own(ZeroAction):
+        def act(self, observation):
+            units, largest = env.unwrapped.observation_scale, env.unwrapped.task.action.scale
+            return 0.02 * (observation[:, 2:3] * units[2]) / largest
+
+    np.testing.assert_allclose(found.reward, held_out.drive(env, Own(env), (1, 2)).reward, rtol=1e-6)
+    assert (found.reward != zero.reward).all()
+    env.close()
 
 
 def test_joint_friction():
