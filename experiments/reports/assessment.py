@@ -82,7 +82,8 @@ def _comparison(found: "Assessment") -> str:
     felt = {name: [d.perception.verdict for d in each.values()].count(just_noticeable.PERCEPTIBLE)
             for name, each in many.items()}  # fmt: skip
     if len(others) == 1:
-        metrics = f"{large[others[0]]} of {len(many[others[0]])} metrics differ by more than {percent(MATTERS)}"
+        differ = "differs" if large[others[0]] == 1 else "differ"
+        metrics = f"{large[others[0]]} of {len(many[others[0]])} metrics {differ} by more than {percent(MATTERS)}"
         if apart := len(found.values[reference]) - len(many[others[0]]):
             metrics = f"{metrics}, {apart} not compared"
         if not any(known):

@@ -3,7 +3,7 @@
 A plant that corners steadily repeats its state x from one chassis step of 2 ms to the next, but for its place on the
 road. Around this point, which :mod:`steer_env.vehicle.analysis.operating_point` finds,
 
-    x(k+1) = A x(k) + B u(k),    y(k) = C x(k) + D u(k)                                            (P6)
+    x(k+1) = A x(k) + B u(k),    y(k) = C x(k) + D u(k)                                            (P7)
 
 with derivatives of :func:`steer_env.vehicle.plant.run` and of the reported channels by differences. Friction either
 slides at a constant torque, which has no slope, or is at rest and acts by the slope that the law has there.
@@ -145,7 +145,7 @@ def transition(
     state: Array | None = None,
     inputs: Array | None = None,
 ) -> tuple[Array, NDArray[np.int_]]:
-    """Transition matrix over two samples of 1 ms, which are one chassis step: A of (P6).
+    """Transition matrix over two samples of 1 ms, which are one chassis step: A of (P7).
 
     The matrix comes from differences of :func:`steer_env.vehicle.plant.run`. States that no other state reads are left
     out one after another, as they take no part in a motion: position and heading on a level road, the distance, unused
@@ -176,7 +176,7 @@ def transition(
         step = 1e-6 * max(1.0, abs(rest[i]))
         return (f(step) - f(-step)) / (2.0 * step)
 
-    matrix, index = by_state(p, rest, rows, central, substeps)  # (P6)
+    matrix, index = by_state(p, rest, rows, central, substeps)  # (P7)
     read = read_states(matrix)
     return matrix[np.ix_(read, read)], index[read]
 
@@ -219,7 +219,7 @@ def _steps(p: Plant, state: Array) -> Array:
 
 
 def linearise(point: Point, coarser: float = 1.0) -> control.StateSpace:
-    """The plant around a point as a discrete system at the chassis step of 2 ms (P6).
+    """The plant around a point as a discrete system at the chassis step of 2 ms (P7).
 
     Parameters
     ----------
@@ -261,14 +261,14 @@ def linearise(point: Point, coarser: float = 1.0) -> control.StateSpace:
 
 
 def one_step(point: Point, coarser: float = 1.0) -> tuple[Array, NDArray[np.int_]]:
-    """A (n, n) of (P6) over 2 ms, and the positions (n,) of the states; ``coarser`` and standstill as in ``linearise``.
+    """A (n, n) of (P7) over 2 ms, and the positions (n,) of the states; ``coarser`` and standstill as in ``linearise``.
 
     A motion that neither grows nor decays, as that of a bristle at rest, has an eigenvalue of 1 within 1e-8, where
     :func:`transition` has a larger error: that of the terms x|x|, which the differences here remove.
     """
     rows = np.tile(point.inputs, (STEPS_PER_CHASSIS_STEP, 1))
     steps, side = coarser * _steps(point.plant, point.state), 1 if point.speed == 0.0 else 0
-    return by_state(point.plant, point.state, rows, lambda f, i: slope(f, steps[i], side))  # (P6)
+    return by_state(point.plant, point.state, rows, lambda f, i: slope(f, steps[i], side))  # (P7)
 
 
 def one_sample(point: Point, chosen: list[int]) -> tuple[Array, Array, NDArray[np.int_]]:

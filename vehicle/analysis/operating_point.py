@@ -1,7 +1,7 @@
 """Operating points of the plant: straight running and steady cornering at a torque or a handwheel angle.
 
 A point solves x = f(x, hand angle) for the states after a chassis step, with the torque of the torsion bar where that
-is given, by Newton's rule from a slow ramp of the handwheel angle (P7). It is that of the car without friction, the
+is given, by Newton's rule from a slow ramp of the handwheel angle (P8). It is that of the car without friction, the
 middle of the hysteresis; :func:`held` gives it other hands, and friction at rest. The compensation of friction by the
 assist follows it: while friction slides, so does its observer, at a constant torque; at rest it acts by its own slope.
 """
@@ -113,7 +113,7 @@ def _without_boost(p: Plant) -> Plant:
 def steady(
     c: Cornering, *, torque: float | None = None, handwheel_angle: float | None = None, above: bool = True
 ) -> Point:
-    """The point of steady cornering with a torque of the torsion bar or a handwheel angle, hands on (P7).
+    """The point of steady cornering with a torque of the torsion bar or a handwheel angle, hands on (P8).
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ def steady(
 
 
 def _newton(c: Cornering, wanted: float, above: bool) -> Point:
-    """The steady point with a torque of the torsion bar [N m] (P7).
+    """The steady point with a torque of the torsion bar [N m] (P8).
 
     A request of the boost's size stands for the boost, so that the states settle where the assist loop is unstable.
     """
@@ -187,7 +187,7 @@ def _newton(c: Cornering, wanted: float, above: bool) -> Point:
         J[:-1, :-1] = A - np.eye(index.size)
         J[:-1, -1] = by_input(bare, state, rows, index, [HAND])[:, :, 0].sum(axis=1)
         J[-1, :-1] = K_tb * ((index == HANDWHEEL_ANGLE) * 1.0 - (index == COLUMN_ANGLE))
-        change = np.linalg.solve(J, -off)  # (P7)
+        change = np.linalg.solve(J, -off)  # (P8)
         state[index] += change[:-1]
         u[HAND] += change[-1]
         if not np.isfinite(state).all():
