@@ -73,6 +73,8 @@ def run(args: argparse.Namespace) -> None:
             f"steer-env: {out} holds the training up to step {kept(out)}; --resume goes on from there", file=sys.stderr
         )
         raise
+    if run.told:
+        print(run.told)
     made = {**policy.conditions({"settings": run.settings}), "friction": run.friction.parameters}
     path = out / "policy.zip"
     curves = policy.learning_curves(path)

@@ -233,6 +233,22 @@ def new_model(algo: str, env: Any, chosen: dict[str, Any], seed: int, logs: str 
     )
 
 
+def timed(env_id: str, num_envs: int, **arguments: Any) -> Any:
+    """A ``SteerVecEnv`` that counts the wall time of its steps, resets included, in ``spent`` [s]."""
+    from steer_env.sb3 import SteerVecEnv
+
+    class Timed(SteerVecEnv):
+        spent = 0.0
+
+        def step_wait(self) -> Any:
+            start = time.perf_counter()
+            found = super().step_wait()
+            self.spent += time.perf_counter() - start
+            return found
+
+    return Timed(env_id, num_envs, **arguments)
+
+
 def _checkpoint(out: Path) -> dict[str, Any]:
     """State of a run at its checkpoint, with its ``settings``; ValueError if something is missing."""
     state, chosen = load(out), out / "settings.json"
@@ -335,6 +351,7 @@ class Training:
         state: dict[str, Any] = {"algo": "ppo", "seed": 0}
         self.seconds, self.best, self.validated = 0.0, -np.inf, -1  # the last in steps
         self.part = 0.0  # of the training that is done, in all sessions
+        self.told = ""  # how long this session took, and what share of it the environments
         self.next_validation = 0.0  # the part at which it is due; the first one is of the untrained policy
         self._resume, self._trained = resume, 0
         if resume:
@@ -423,13 +440,17 @@ class Training:
             def _on_step(self) -> bool:
                 return clock.goes_on(self.model)
 
-        seconds = self.seconds
+        seconds, before = self.seconds, model.num_timesteps
         try:
             if reached:
                 notify(1.0, f"{model.num_timesteps} steps, which were reached before")
             else:
                 model.learn(10**12, callback=Callback(), reset_num_timesteps=not self._resume, tb_log_name=self.algo)
                 seconds = clock.elapsed
+                self.told = (
+                    f"{model.num_timesteps - before:,} steps in {seconds - self.seconds:.0f} s, of which the "
+                    f"environments took {self._raw.spent / (seconds - self.seconds):.0%}"
+                )
                 self.checkpoint(model, seconds, within=True)
         finally:
             self._raw.close()
@@ -442,10 +463,9 @@ class Training:
 
         from steer_env.experiments.learning.guard import GuardedVecEnv
         from steer_env.experiments.learning.lagrange import PenalisedVecEnv
-        from steer_env.sb3 import SteerVecEnv
 
         chosen = self.settings["algorithm"]
-        self._raw = SteerVecEnv(
+        self._raw = timed(
             self.env_id, chosen["num_envs"], friction=self.friction.parameters, **self.settings["environment"]
         )
         self._observations = [quantity.name for quantity in self._raw.vector.batch.observed]

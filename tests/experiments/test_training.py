@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -257,6 +258,7 @@ def test_a_constant_learning_rate(tmp_path):
     run.settings["algorithm"] |= {**SMALL, "learning_rate_decay": False}
     run.run(steps=128)
     assert _learning_rate(run.out) == run.settings["algorithm"]["learning_rate"]
+    assert re.fullmatch(r"[\d,]+ steps in \d+ s, of which the environments took \d+%", run.told)
 
 
 KILLED = """

@@ -81,24 +81,13 @@ def _training_share(env_id: str, rollouts: int = 3) -> float:
     """
     from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
 
-    from steer_env.experiments.learning.training import new_model, settings
-    from steer_env.sb3 import SteerVecEnv
-
-    spent = 0.0
-
-    class Timed(SteerVecEnv):
-        def step_wait(self) -> Any:
-            nonlocal spent
-            start = time.perf_counter()
-            found = super().step_wait()
-            spent += time.perf_counter() - start
-            return found
+    from steer_env.experiments.learning.training import new_model, settings, timed
 
     given = settings(env_id, "ppo")
-    sub_environments = Timed(env_id, 64, **given["environment"])
+    sub_environments = timed(env_id, 64, **given["environment"])
     model = new_model("ppo", VecNormalize(VecMonitor(sub_environments)), given["algorithm"], seed=0)
     steps = 64 * given["algorithm"]["n_steps"]
     model.learn(steps)
-    spent, start = 0.0, time.perf_counter()
+    sub_environments.spent, start = 0.0, time.perf_counter()
     model.learn(rollouts * steps)
-    return spent / (time.perf_counter() - start)
+    return sub_environments.spent / (time.perf_counter() - start)
