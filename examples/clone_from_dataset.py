@@ -1,7 +1,7 @@
 """Learn from a recorded data set alone, by behaviour cloning, then drive what was learned in the recovered environment.
 
 steer-env policy record --env steer_env/DriverLaneKeeping-v3 --policy preview --episodes 20 --out dataset
-python examples/clone_from_dataset.py dataset     takes some seconds; needs the extra integrations
+python examples/clone_from_dataset.py dataset     takes some seconds; needs the extras datasets and train
 """
 
 import sys

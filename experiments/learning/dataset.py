@@ -1,4 +1,4 @@
-"""Data sets of episodes in Minari's format, with costs, for learning without an environment. Needs ``integrations``."""
+"""Data sets of episodes in Minari's format, with costs, for learning without an environment. Extra ``datasets``."""
 
 import os
 import re
@@ -72,9 +72,9 @@ def record(
         found, conditions = _episode(env, controller, first_seed + k)
         buffers.append(found)
         about.append(conditions)
-    task = env.unwrapped.task.name
+    task, law = env.unwrapped.task.name, arguments.get("friction") or env.unwrapped.batch.car.friction
     described = {
-        "friction": friction.as_mapping(friction.resolve(arguments.get("friction") or env.unwrapped.car.friction)),
+        "friction": friction.as_mapping(friction.resolve(law)),
         "arguments": plain(arguments),
         "controller": name,
         "versions": provenance.versions(),

@@ -78,7 +78,7 @@ def test_names_in_the_help_are_those_of_the_registries():
         ("torch", ["train", "--env", "steer_env/AssistWeave-v3"], "train"),
         ("stable_baselines3", ["policy", "evaluate", "shipped", "--env", "steer_env/AssistWeave-v3"], "train"),
         ("stable_baselines3", ["policy", "shift", "policy.zip"], "train"),
-        ("minari", ["policy", "record", "--env", "steer_env/AssistWeave-v3", "--policy", "zero"], "integrations"),
+        ("minari", ["policy", "record", "--env", "steer_env/AssistWeave-v3", "--policy", "zero"], "datasets"),
         ("sb3_contrib", ["train", "--env", "steer_env/AssistWeave-v3", "--algo", "recurrent-ppo"], "train"),
         ("asammdf", ["evaluate", "weave.mf4"], "mdf"),
         ("asammdf", ["run", "weave", "--out", "weave.mf4"], "mdf"),

@@ -13,7 +13,7 @@ MODULES = {
     "parquet": ("pyarrow",),
     "can": ("can", "cantools"),
     "test": ("vehiclemodels",),
-    "integrations": ("minari", "h5py"),
+    "datasets": ("minari", "h5py"),
     "fmu": ("fmpy", "ziglang"),
     "explore": ("ziglang",),
     "tune": ("optuna",),

@@ -28,7 +28,7 @@ def run(args: argparse.Namespace) -> None:
     """Write the data set."""
     if args.seed + args.episodes > HELD_OUT:
         raise ValueError(f"--seed {args.seed} with {args.episodes} episodes reaches the held-out seeds, {HELD_OUT} on")
-    require("integrations", "recording a data set")
+    require("datasets", "recording a data set")
 
     from steer_env.experiments.cli.common.policies import caution
     from steer_env.experiments.learning import controllers, dataset, policy
