@@ -1,9 +1,9 @@
 """A short smoke test over versions of the dependencies: ``make test-matrix``, or this script with versions of numba.
 
 For each version of numba, and for the lower bounds of all dependencies together, a virtual environment is made and the
-package is installed in it. A new process then imports the package, compares a friction law with its closed form and
-drives 50 steps of an environment, once for each compiler. The script prints the versions and digests that
-docs/compatibility.md lists, and its exit code is 1 if anything failed.
+package is installed in it. A new process then imports the package, compares a friction law with its closed form, drives
+50 steps of an environment and a few of four side by side, once for each compiler. The script prints the versions and
+digests that docs/compatibility.md lists, and its exit code is 1 if anything failed.
 """
 
 import argparse
@@ -41,6 +41,13 @@ for i in range(50):
     digest.update(seen.tobytes() + np.float64(reward).tobytes())
     if i == 0:
         first = time.process_time()
+
+one = gymnasium.make("steer_env/AssistWeave-v3", friction="lugre")
+four = gymnasium.make_vec("steer_env/AssistWeave-v3", num_envs=4, friction="lugre")  # side by side
+one.reset(seed=1), four.reset(seed=1)
+for i in range(5):
+    alone, beside = one.step(np.array([0.2], np.float32))[0], four.step(np.full((4, 1), 0.2, np.float32))[0]
+    assert (beside[0] == alone).all(), (beside[0], alone)
 print(json.dumps({
     "numba": numba.__version__, "llvmlite": llvmlite.__version__, "numpy": np.__version__, "first": first,
     "digest": digest.hexdigest()[:8], "compiler": kernel.COMPILER,
