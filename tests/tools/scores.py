@@ -53,9 +53,8 @@ def markdown(found: Sequence[Standing]) -> str:
         lines += [f"## {summary.caption}", f"{len(seeds)} seeds from {seeds[0]} to {seeds[-1]}."]
         lines += [table(summary.head, summary.rows), f"### {terms.caption}", table(terms.head, terms.rows)]
         for name, drive in standing.results[0].suite.drives.items():
-            shown = standing.of_drive(drive)
-            told = f"{shown.caption.removeprefix(f'{name}: ')}. {shown.about}"
-            if name in solved:
-                told += f" `reward_threshold`: {solved[name]:g}."
-            lines += [f"### `{name}`", told, table(shown.head, shown.rows)]
+            if drive.friction is None:
+                shown = standing.of_drive(drive)
+                told = f"{shown.caption.removeprefix(f'{name}: ')}. {shown.about} `reward_threshold`: {solved[name]:g}."
+                lines += [f"### `{name}`", told, table(shown.head, shown.rows)]
     return "\n\n".join(lines) + "\n"
