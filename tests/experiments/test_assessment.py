@@ -355,7 +355,7 @@ def test_of_eight_recordings_a_broken_one_is_left_out(weaves, tmp_path, capsys, 
 def test_a_sentence_of_three_says_how_many_thresholds_are_known(weaves, tmp_path, capsys):
     """One that shares no channel with the first is not counted among those that a driver would not tell."""
     clean = weaves["lugre"].resampled(100.0)
-    strong = changed(clean, handwheel_torque=1.05 * clean["handwheel_torque"])
+    strong = changed(clean, handwheel_torque=1.06 * clean["handwheel_torque"])
     both = {"measured": clean, "same": clean, "strong": strong}
     found = assessment.assess(both)
     known = "By the thresholds known for 3 of 19 metrics a driver tells 0 of 2 from measured; "
