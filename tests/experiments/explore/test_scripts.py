@@ -105,15 +105,14 @@ def require_equal(found, expected):
     """Every metric of the page is that of Python but for rounding, and refused where that is refused.
 
     A release begins between two samples, where the friction then stops the handwheel depends on the last digits, and
-    its oscillation is fitted by a search of another kind. A response settles where a curve that is nearly flat crosses
-    a limit, and an overshoot is what two larger numbers differ by, which magnifies rounding.
+    its oscillation is fitted by a search of another kind. A step steer is read in windows whose ends the last digits may
+    move by a sample, and settles where a curve that is nearly flat crosses a limit.
     """
     assert set(found) == set(expected) - set(drives.LEFT_OUT)
     for name in found:
         value = expected[name]
         shown = np.nan if found[name] is None else found[name]
-        of_release = metrics.definition(name).tests[0] == "release"
-        rel = 1e-4 if of_release else 1e-6 if name.endswith(("settling_time", "overshoot")) else 1e-8
+        rel = {"release": 1e-4, "step_steer": 1e-6}.get(metrics.definition(name).tests[0], 1e-9)
         assert shown == pytest.approx(value.value, rel=rel, nan_ok=True), name
 
 
