@@ -105,14 +105,14 @@ def require_equal(found, expected):
     """Every metric of the page is that of Python but for rounding, and refused where that is refused.
 
     A release begins between two samples, where the friction then stops the handwheel depends on the last digits, and
-    its oscillation is fitted by a search of another kind. A step steer is read in windows whose ends the last digits may
-    move by a sample, and settles where a curve that is nearly flat crosses a limit.
+    its oscillation is fitted by a search of another kind. A step steer is read in windows whose ends the last digits
+    may move by a sample, and settles where a curve that is nearly flat crosses a limit.
     """
     assert set(found) == set(expected) - set(drives.LEFT_OUT)
     for name in found:
         value = expected[name]
         shown = np.nan if found[name] is None else found[name]
-        rel = {"release": 1e-4, "step_steer": 1e-6}.get(metrics.definition(name).tests[0], 1e-9)
+        rel = {"release": 1e-4, "step-steer": 1e-6}.get(metrics.definition(name).tests[0], 1e-9)
         assert shown == pytest.approx(value.value, rel=rel, nan_ok=True), name
 
 
