@@ -77,9 +77,9 @@ SITES = {
 @pytest.mark.parametrize("hands", HANDS)
 @pytest.mark.parametrize("torque", [0.0, 1.7])
 def test_motion_is_that_of_the_plant(turns, torque, hands, law):
-    """The response to a pulse is that of the plant, by five points, within 1e-6 of its largest value."""
+    """The response to a pulse is that of the plant, by five points, within 2e-6 of its largest value."""
     point = held(steady(turns["single_track"], torque=torque), hands, law, ARMS if hands == "arms" else (0.0,) * 3)
-    assert max(off(point, law).values()) < 1e-6
+    assert max(off(point, law).values()) < 2e-6
 
 
 # Channels of two tracks that answer the steering to second order, or as differences of large numbers.
