@@ -47,4 +47,10 @@ SUITES = {
         "AssistWeave masing": "lqg",
         "AssistWeave viscous": "lqg",
     },
+    "tuners": {"TuneAllRound": "own_assist", "TuneOnCentre": "own_assist"},
+    "identification": {
+        "FrictionRecord elasto_plastic": "elasto_plastic",
+        "FrictionRecord lugre": "lugre",
+        "FrictionRecord masing": "masing",
+    },
 }
