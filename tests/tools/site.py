@@ -84,7 +84,14 @@ DOORS = {
         "docs/compatibility.md",
         "docs/public_interface.md",
     ),
-    "Project": ("CHANGELOG.md", "CONTRIBUTING.md", "docs/releasing.md", "citation.md", "licence.md"),
+    "Project": (
+        "docs/paper.md",
+        "CHANGELOG.md",
+        "CONTRIBUTING.md",
+        "docs/releasing.md",
+        "citation.md",
+        "licence.md",
+    ),
 }
 
 
@@ -171,3 +178,26 @@ def build(out: Path, options: Iterable[str] = ("--fail-on-warning", "--keep-goin
     if page.wait() == 0:
         shutil.move(live, out / "live")
     return code or page.returncode
+
+
+def single(page: Path, out: Path) -> int:
+    """Build a page by itself into ``out``, for a printer: its pictures are beside it, links elsewhere are their text.
+
+    Returns
+    -------
+    int
+        The exit code.
+    """
+    from sphinx.cmd.build import main
+
+    sources = out.with_name(f"{out.name}-sources")
+    for folder in (sources, out):
+        shutil.rmtree(folder, ignore_errors=True)
+    sources.mkdir(parents=True)
+    text = page.read_text(encoding="utf-8")
+    for picture in re.findall(r"!\[[^]]*\]\(([^)]+)\)", text):
+        shutil.copy(page.parent / picture, sources)
+    text = re.sub(r"(?<!!)\[([^]^]+)\]\((?!https?:)[^)]+\)", r"\1", text)
+    (sources / "index.md").write_text(text, encoding="utf-8")
+    places = map(str, ("--conf-dir", CONFIGURATION, "--doctree-dir", sources / "kept", sources, out))
+    return main(["--fail-on-warning", "--quiet", "--define", "html_theme=basic", *places])
