@@ -48,3 +48,6 @@ SUITES = {
         "AssistWeave viscous": "lqg",
     },
 }
+
+# Qualities of data sets: the share of random action in what acts, the rest is of the benchmark's reference of the id.
+QUALITIES = {"poor": 1.0, "medium": 0.3, "good": 0.05}
