@@ -59,9 +59,8 @@ def record(
     notify : callable
         Receives the part that is done and a text.
     quality : str, optional
-        Of :data:`QUALITIES`: how much random action is mixed in. The metadata then hold it, the share, and the mean
-        rewards of zero action and of the controller alone on the same seeds, which ``minari.get_normalized_score``
-        takes: with the reference of the id it gives the score of the benchmark.
+        Of :data:`QUALITIES`: how much random action is mixed in. The metadata then hold it, the share, and for
+        ``minari.get_normalized_score`` the mean rewards of zero action and the controller alone on the same seeds.
     arguments :
         Of ``gymnasium.make``.
 
@@ -89,8 +88,7 @@ def record(
     if quality:
         described |= {"quality": quality, "random_share": share}
         for key, who in (("ref_min_score", ZeroAction), ("ref_max_score", make)):
-            alone = held_out.collect(env_id, who, episodes, first_seed, **arguments)
-            described[key] = float(alone.reward.mean())
+            described[key] = float(held_out.collect(env_id, who, episodes, first_seed, **arguments).reward.mean())
     with replaced_directory(out, CONTENTS) as part, _datasets_in(part), warnings.catch_warnings():
         # Author and link are for whoever publishes the set to add, with dataset.storage.update_metadata.
         warnings.simplefilter("ignore", UserWarning)
