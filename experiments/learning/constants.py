@@ -54,3 +54,6 @@ SUITES = {
         "FrictionRecord masing": "masing",
     },
 }
+
+# Qualities of data sets: the share of random action in what acts, the rest is of the benchmark's reference of the id.
+QUALITIES = {"poor": 1.0, "medium": 0.3, "good": 0.05}
