@@ -67,4 +67,4 @@ docs: .venv-docs/.stamp
 	touch $@
 
 clean:
-	rm -rf .venv .venv-test .venv-integrations .venv-docs build/docs build/docs-kept build/docs-sources report
+	rm -rf .venv .venv-test .venv-integrations .venv-docs build/docs build/docs-kept build/docs-sources build/docs-drawn report
