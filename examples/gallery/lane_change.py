@@ -1,7 +1,7 @@
 """Which driver model gets through a double lane change without touching a cone?
 
-Three models steer the same car by hand torque through the course of ISO 3888 at 80 km/h. The legend has the work of the
-hands, and how many cones were touched.
+Three models steer the same car by hand torque through the course of ISO 3888. The legend has the work of the hands, and
+how many cones were touched.
 """
 
 import gymnasium as gym

@@ -1,7 +1,7 @@
 """Which friction laws let the handwheel come back after the hands let it go?
 
-It is held at 90 deg at 35 km/h and let go. The tyres turn it back until friction holds it. Every law with a dry part
-stops it at the same angle; viscous friction makes it slow, and lets it come back.
+It is held at 90 deg at 35 km/h and let go. The tyres turn it back until friction holds it. The three laws
+with a dry part stop it at the same angle; viscous friction makes it slow, and lets it come back.
 """
 
 import matplotlib.pyplot as plt
