@@ -71,4 +71,4 @@ paper: .venv-test/.stamp
 	touch $@
 
 clean:
-	rm -rf .venv .venv-test .venv-integrations .venv-docs build/docs build/docs-kept build/docs-sources build/paper build/paper-sources report
+	rm -rf .venv .venv-test .venv-integrations .venv-docs build/docs build/docs-kept build/docs-sources build/docs-drawn build/paper build/paper-sources report
