@@ -21,7 +21,7 @@ COMMANDS = (
     f"steer-env() {{ '{sys.executable}' -m steer_env.experiments.cli.main \"$@\"; }}\n"
     f"fmpy() {{ '{sys.executable}' -m fmpy \"$@\"; }}\n"
 )
-SECONDS = 300.0
+SECONDS = 600.0
 FEWEST = 3  # lines that a page shows of what is printed
 
 
@@ -38,7 +38,7 @@ def output(command, folder, until):
     environment = {**os.environ, "COLUMNS": "200", "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     left = until - time.monotonic()
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, env=environment, timeout=left)
-    if "the torque was off or faded" in done.stdout + done.stderr:
+    if "every metric refused: the torque was off" in done.stdout + done.stderr:
         pytest.skip("this machine was too busy for a drive in real time")
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
@@ -53,7 +53,7 @@ def words(line, clock):
 @pytest.mark.whole
 @pytest.mark.parametrize("page", PAGES)
 def test_tutorial(page, tmp_path):
-    """Its commands run in five minutes."""
+    """Its commands run in ten minutes."""
     for extra in {"learning": ["stable_baselines3"], "fmu": ["fmpy"]}.get(page, []):
         pytest.importorskip(extra, reason="an extra is not installed")
     out, compared, until = "", 0, time.monotonic() + SECONDS
