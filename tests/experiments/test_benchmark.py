@@ -191,13 +191,21 @@ def test_a_record_is_predicted_by_dahls_law_where_its_fit_is_refused(monkeypatch
     assert asked == ["lugre", "dahl"]
 
 
+LEVEL = """
+import numpy as np
+
+class Level:
+    def __init__(self, env): self.fitted = env.fitted
+    def reset(self, rows=None): pass
+    def act(self, seen):
+        level = np.abs(seen[:, 1, :self.fitted]).max(axis=1, keepdims=True)
+        return level * np.sign(np.gradient(seen[:, 0], axis=1)[:, self.fitted:])
+"""
+
+
 def test_who_identifies_friction_enters_as_any_controller(there, monkeypatch, capsys):
     monkeypatch.setitem(SUITES, "identification", {"FrictionRecord masing": "dahl"})
-    (there / "other.py").write_text(
-        "import numpy as np\nclass Level:\n def __init__(self, env): self.env = env\n def reset(self, rows=None): pass\n"
-        " def act(self, seen):\n  n = self.env.fitted\n  level = np.abs(seen[:, 1, :n]).max(axis=1, keepdims=True)\n"
-        "  return level * np.sign(np.gradient(seen[:, 0], axis=1)[:, n:])\n"
-    )
+    (there / "other.py").write_text(LEVEL)
     enter = ["benchmark", "other.py:Level", "--suite", "identification", "--episodes", "2", "--out", "out"]
     assert main(enter) == 0
     value = json.loads((there / "out" / "identification-class-other-Level.json").read_text())["score"]["value"]
