@@ -53,7 +53,7 @@ Array = NDArray[np.float64]
 
 
 class Drive(NamedTuple):
-    """A part of a suite: an id at its default settings, but for a friction law."""
+    """A part of a suite: an id, with a friction law where it is not that of the car, or records of a law."""
 
     env_id: str
     reference: str  # the baseline that scores 1
@@ -336,9 +336,12 @@ class _Told:
         action = np.asarray(self._called("its act", self._controller.act, observation))
         if action.shape != self._shape or action.dtype.kind not in "fiu":
             raise ValueError(f"its act must give numbers {self._shape}, got {action.dtype} {action.shape}")
-        if not np.isfinite(action).all():
-            raise ValueError(f"its act gave {action[~np.isfinite(action)][0]}, which is no finite number")
-        return action.astype(np.float32)
+        with np.errstate(over="ignore"):
+            single = action.astype(np.float32)
+        if not np.isfinite(single).all():
+            given = action[~np.isfinite(single)][0]
+            raise ValueError(f"its act gave {given}, which is no finite number of single precision")
+        return single
 
 
 class Result(NamedTuple):

@@ -25,6 +25,7 @@ RECORD = "FrictionRecord"  # in place of an id
 MOTION, STEP = "many strokes and speeds", 0.02  # of the studies of friction, and the time between samples [s]
 NOISE = 0.02  # of the torque that is seen, over the level of the contact [1]
 FACTOR = 2.0  # by which level, displacement and time of a contact are multiplied or divided at most, assumed
+INNER = 1.5  # of the least damping sigma_2 that a law with a break-away torque has, assumed [1]
 MOST = 120.0  # reward at most, of a prediction that is exact [dB]
 
 
@@ -50,7 +51,12 @@ class Records:
         x, judged = displacement(MOTION)
         every = round(STEP / 0.01)
         self._x, self.fitted = x[::every], math.ceil(judged / every)
-        self._law, self._usual = LAWS[law], true_laws([law])[law]
+        self._law, usual = LAWS[law], true_laws([law])[law]
+        # Those of the studies lie where the law ends (F10), to which a search for them runs.
+        self._usual = (
+            usual._replace(sigma_2=INNER * usual.sigma_2) if {"F_s", "sigma_2"} <= set(usual._fields) else usual
+        )
+        self._open = False
         self.action_space = gym.spaces.Box(-math.inf, math.inf, (num_envs, self._x.size - self.fitted), np.float32)
         self._truth = np.zeros((num_envs, self._x.size - self.fitted))
 
@@ -59,17 +65,21 @@ class Records:
         seen = np.zeros((self.num_envs, 2, self._x.size))
         seen[:, 0] = self._x
         for row, truth, each in zip(seen, self._truth, seed, strict=True):
-            rng = np.random.default_rng(each)
+            rng = np.random.default_rng([each, *map(ord, self._law.name)])
             scales = Scales(*FACTOR ** rng.uniform(-1.0, 1.0, 3))
             contact = self._law.make(**scaled(self._law, self._usual._asdict(), scales, back=True))
             torque = friction.response(contact, self._x, STEP)
             noise = NOISE * defaults.F_C * scales.torque * rng.standard_normal(self._x.size)
             row[1], truth[:] = torque + noise, torque[self.fitted :]
         seen[:, 1, self.fitted :] = np.nan
+        self._open = True
         return seen, {}
 
     def step(self, action: Any) -> tuple[Array, Array, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        """Judge the predictions; the episodes are over."""
+        """Judge the predictions; the episodes are over. RuntimeError for a second one."""
+        if not self._open:
+            raise RuntimeError("the episodes are over or have not begun: call reset")
+        self._open = False
         error = np.sqrt(np.mean((action - self._truth) ** 2, axis=1) / np.mean(self._truth**2, axis=1))
         reward = -20.0 * np.log10(np.maximum(error, 10.0 ** (-MOST / 20.0)))
         over, none = np.ones(self.num_envs, bool), np.zeros(self.num_envs)
