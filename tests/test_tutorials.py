@@ -15,7 +15,7 @@ import pytest
 DOCS = Path(__file__).parents[1] / "docs"
 PAGES = ("walkthrough", "friction_laws", "learning", "fmu", "driving")
 # What a test has, and what it does not wait for: the package with its extras, and minutes of training.
-SHORTENED = {"pip install": ": pip install", "--minutes 5": "--minutes 0.1"}
+SHORTENED = {"pip install": ": pip install", "--minutes 1 ": "--minutes 0.1 "}
 CLOCK = "<!-- by the clock -->"  # before what is printed with other digits each time; no reader sees it
 COMMANDS = (
     f"steer-env() {{ '{sys.executable}' -m steer_env.experiments.cli.main \"$@\"; }}\n"

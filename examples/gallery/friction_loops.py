@@ -1,8 +1,8 @@
 """Which friction laws remember a turn and close a small loop inside a large one?
 
 The displacement turns back ten times between 0.3 and 0.5 deg on its way up, and then makes one large loop. Masing
-friction closes every small loop and goes on where it left; the torque of LuGre sinks from one small loop to the next;
-Coulomb friction has no memory and jumps at every turn.
+friction closes every small loop and goes on where it left. The torque of LuGre sinks from one small loop to the next,
+and its micro-damping makes a small step at every turn. Coulomb friction has no memory and jumps.
 """
 
 import matplotlib.pyplot as plt

@@ -121,10 +121,10 @@ def answer() -> str:
 
 
 def verdict() -> str:
-    """The two sentences of that answer, after its table, that rank the law among what else changes the car."""
+    """The sentences of that answer, after its table, that rank the law among what else changes the car."""
     blocks = section("friction_study.md", "The answer")
     after = next(text for text, before in zip(blocks[1:], blocks) if before.startswith("|"))
-    return " ".join(re.split(r"(?<=\.) (?=[A-Z])", after)[:2])
+    return " ".join(re.split(r"(?<=\.) (?=[A-Z])", after)[:3])
 
 
 def further() -> str:
