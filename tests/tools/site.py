@@ -86,7 +86,7 @@ DOORS = {
         "docs/public_interface.md",
     ),
     "Project": (
-        "docs/paper.md",
+        "Draft of a paper <docs/paper>",
         "CHANGELOG.md",
         "CONTRIBUTING.md",
         "docs/releasing.md",
