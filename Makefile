@@ -5,7 +5,7 @@ SEED := $(shell date +%s)
 # The tests start many processes, which would compile every module that they import.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: report test types test-whole test-all test-matrix test-integrations audit docs clean
+.PHONY: report test types test-whole test-all test-matrix test-integrations audit docs paper clean
 
 # The main job: the core packages alone, then the evaluation report in report/index.html.
 report: .venv/.stamp
@@ -43,6 +43,10 @@ audit: .venv-test/.stamp
 docs: .venv-docs/.stamp
 	NUMBA_DISABLE_JIT=1 .venv-docs/bin/python -m tests.maintain site
 
+# Tables and pictures of docs/paper.md, and the paper as a page to print in build/paper/index.html; some ten minutes.
+paper: .venv-test/.stamp
+	.venv-test/bin/python -m tests.maintain paper
+
 .venv/.stamp: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
 	.venv/bin/python -m pip install --quiet --constraint constraints.txt --editable .
@@ -67,4 +71,4 @@ docs: .venv-docs/.stamp
 	touch $@
 
 clean:
-	rm -rf .venv .venv-test .venv-integrations .venv-docs build/docs build/docs-kept build/docs-sources report
+	rm -rf .venv .venv-test .venv-integrations .venv-docs build/docs build/docs-kept build/docs-sources build/docs-drawn build/paper build/paper-sources report

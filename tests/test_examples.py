@@ -1,10 +1,13 @@
 """The examples run, in short."""
 
 import importlib.util
+import re
+import runpy
 import sys
 from pathlib import Path
 
 import gymnasium as gym
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
@@ -33,10 +36,22 @@ def test_train_a_policy(tmp_path):
     assert (tmp_path / "frame.png").stat().st_size > 10_000
 
 
-def test_compare_drivers():
-    found = load("compare_drivers").main(("lugre",), ("preview", "macadam"))
-    assert found["lugre", "preview"]["cones_hit"] == 0.0
-    assert found["lugre", "macadam"]["steering_work"] > 0.0
+@pytest.mark.whole
+@pytest.mark.parametrize("script", sorted((FOLDER / "gallery").glob("*.py")), ids=lambda path: path.stem)
+def test_a_script_of_the_gallery_draws_a_picture(script, tmp_path, monkeypatch):
+    """What it shows is finite and varies, has axes with units and a legend, and is in the file of its name."""
+    monkeypatch.chdir(tmp_path)
+    plt.switch_backend("agg")
+    figure = runpy.run_path(str(script))["figure"]
+    for axes in figure.axes:
+        drawn = axes.dataLim.get_points()
+        assert np.isfinite(drawn).all()
+        assert (np.ptp(drawn, axis=0) > 0.0).all()
+        assert all(re.search(r"\[.+\]$", label) for label in (axes.get_xlabel(), axes.get_ylabel()))
+    assert figure.axes
+    assert figure.legends
+    assert len(re.findall("<path", (tmp_path / f"{script.stem}.svg").read_text(encoding="utf-8"))) > 20
+    plt.close(figure)
 
 
 def test_tune_assist(tmp_path):

@@ -148,6 +148,9 @@ def collect(
     ValueError
         The car as it is cannot be driven through the tests, or too few parameter sets can.
     """
+    bands = {name: band.good for test in study.tests for name, band in targets.bands.get(test, {}).items()}
+    if not bands:
+        raise ValueError(f"targets {targets.name!r} have no band for {', '.join(study.tests)}")
     cases = [Block(study, (tuple(factor.own for factor in study.factors),), "the car as it is")]
     for k, points in enumerate(design.points.tolist(), 1):
         rows = tuple(tuple(map(value, study.factors, point)) for point in points)
@@ -156,7 +159,6 @@ def collect(
     (first,), blocks = results[0], results[1:]
     if all(math.isnan(x) for (test, _), x in first.values.items() if test):
         raise ValueError(f"the car {study.car.name!r} cannot be driven as it is: {next(iter(first.refused.values()))}")
-    bands = {name: band.good for test in study.tests for name, band in targets.bands.get(test, {}).items()}
     found = []
     for output in study.outputs:
         test, name = output
@@ -166,9 +168,10 @@ def collect(
         reason = max(reasons, key=reasons.count) if reasons else ""
         effects = screening.effects(design, outputs)
         found.append(Row(name, test, unit_of(output), first.values[output], band, effects, len(reasons), reason))
-    if all(row.effects is None for row in found):
+    banded = [row for row in found if row.test and row.band]
+    if all(row.effects is None for row in banded):
         raise ValueError(
-            f"every output is refused at most parameter sets: {found[0].reason}; narrow the ranges with --span or "
-            "--parameters NAME=LOW:HIGH"
+            f"every metric with a target band is refused at most parameter sets: {banded[0].reason}; narrow the ranges "
+            "with --span or --parameters NAME=LOW:HIGH"
         )
     return Results(study, law, targets.name, design, found)

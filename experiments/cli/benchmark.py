@@ -137,6 +137,7 @@ def _verify(args: argparse.Namespace) -> int:
 
 def _told(file: Path, fields: list[str], what: str) -> int:
     """Print which fields differ; the exit code."""
-    shown = ", ".join(fields[:5]) + (f" and {len(fields) - 5} more" if len(fields) > 5 else "")
+    raw_first = sorted(fields, key=lambda field: not field.startswith("episodes"))  # from which the others follow
+    shown = ", ".join(raw_first[:5]) + (f" and {len(fields) - 5} more" if len(fields) > 5 else "")
     print(f"{file}: {len(fields)} fields {what}: {shown}")
     return 1

@@ -1,6 +1,6 @@
 """Tell what parameters do to metrics and to the margins of the assist, as heat maps.
 
-The parameters are those of the assist, the friction, the load or the car, over their whole ranges. With --method
+The parameters are those of the assist, the friction, the load or the car, over a range of each. With --method
 production they are tolerances, and the page tells which share of cars that are built with them stays in the target
 bands, and what drives failures. The page comes with sensitivity.json or production.json.
 """

@@ -30,8 +30,8 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.assists.common.definition import TUNED
-from steer_env.experiments.learning import held_out, policy
+from steer_env.assists.common import definition as assist
+from steer_env.experiments.learning import held_out, policy, records, tuners
 from steer_env.experiments.learning.constants import HELD_OUT, SHIPPED, SUITES
 from steer_env.experiments.learning.controllers import SIMPLE, Maker, baselines
 from steer_env.experiments.learning.held_out import Controller, Episodes, Estimate
@@ -39,7 +39,7 @@ from steer_env.experiments.pages import own_modules, provenance, traces
 from steer_env.experiments.sweep import Runner, run
 from steer_env.friction.numerics import toml
 from steer_env.friction.numerics.check import one_of, whole
-from steer_env.registration import id_of
+from steer_env.registration import DRIVEN, TUNED, id_of
 from steer_env.tasks.common.definition import COST_LIMIT
 
 TOLD = policy.SHIPPED_IN.with_name("controllers.toml")  # terms of the controllers that are not trained
@@ -53,7 +53,7 @@ Array = NDArray[np.float64]
 
 
 class Drive(NamedTuple):
-    """A part of a suite: an id at its default settings, but for a friction law."""
+    """A part of a suite: an id, with a friction law where it is not that of the car, or records of a law."""
 
     env_id: str
     reference: str  # the baseline that scores 1
@@ -64,10 +64,22 @@ class Drive(NamedTuple):
         """The id, and the law if there is one."""
         return self.env_id if self.friction is None else f"{self.env_id} {self.friction}"
 
+    def environment(self, n: int) -> Any:
+        """A vector environment of it with n rows."""
+        if self.env_id == records.RECORD:
+            assert self.friction is not None
+            return records.Records(self.friction, n)
+        arguments: dict[str, Any] = {} if self.friction is None else {"friction": self.friction}
+        if self.env_id in TUNED:
+            arguments |= tuners.SETTINGS
+        return gym.make_vec(self.env_id, num_envs=n, **arguments)
+
     @property
-    def settings(self) -> dict[str, Any]:
-        """Arguments of ``gymnasium.make_vec``."""
-        return {} if self.friction is None else {"friction": self.friction}
+    def baselines(self) -> dict[str, Maker]:
+        """Zero and random action, and the baselines of its id, by name."""
+        if self.env_id in DRIVEN:
+            return {**SIMPLE, **baselines(self.env_id)}
+        return {**SIMPLE, **(records.BASELINES if self.env_id == records.RECORD else tuners.BASELINES)}
 
 
 class Suite(NamedTuple):
@@ -83,14 +95,16 @@ class Suite(NamedTuple):
 
     def baselines(self) -> list[str]:
         """Zero and random action, and the names of the baselines of all ids."""
-        return list(dict.fromkeys(name for env_id in self.ids for name in (*SIMPLE, *baselines(env_id))))
+        return list(dict.fromkeys(name for drive in self.drives.values() for name in drive.baselines))
 
 
 def suite(name: str) -> Suite:
     """A suite by name; ValueError for an unknown one."""
     one_of("the suite", name, SUITES)
     parts = [(*text.split(), reference) for text, reference in SUITES[name].items()]
-    drives = [Drive(id_of(task), reference, *law) for task, *law, reference in parts]
+    drives = [
+        Drive(task if task == records.RECORD else id_of(task), reference, *law) for task, *law, reference in parts
+    ]
     return Suite(name, {drive.name: drive for drive in drives})
 
 
@@ -169,7 +183,7 @@ def entry(text: str, of: Suite) -> Entry:
         If it is none of these, or is of no id of the suite.
     """
     if text in of.baselines():
-        known = {env_id: {**SIMPLE, **baselines(env_id)} for env_id in of.ids}
+        known = {drive.env_id: drive.baselines for drive in of.drives.values()}
         makers = {env_id: found[text] for env_id, found in known.items() if text in found}
         return Entry(text, BASELINE, makers, _terms(text, of), {})
     if text == SHIPPED:
@@ -188,8 +202,9 @@ def entry(text: str, of: Suite) -> Entry:
 def _terms(name: str, of: Suite) -> dict[str, str]:
     """Terms of a baseline, with the budget of the search for its options where there was one."""
     unknown = dict.fromkeys(("information", "tuning"), "not stated")  # a baseline that the user has registered
-    terms: dict[str, str] = toml.loads(TOLD.read_text(encoding="utf-8")).get(name, unknown)
-    searched = json.loads(TUNED.read_text(encoding="utf-8"))
+    told = toml.loads(TOLD.read_text(encoding="utf-8"))
+    terms: dict[str, str] = told.get("fit" if name in records.BASELINES else name, unknown)
+    searched = json.loads(assist.TUNED.read_text(encoding="utf-8"))
     found = [searched[env_id][name] for env_id in of.ids if name in searched.get(env_id, {})]
     if found:
         episodes = sum(each["candidates"] * each["episodes"] for each in found)
@@ -291,9 +306,10 @@ class Case(NamedTuple):
 
 def driven(case: Case) -> Episodes:
     """The episodes of a case, one for each seed."""
-    env: Any = gym.make_vec(case.drive.env_id, num_envs=len(case.seeds), **case.drive.settings)
+    env = case.drive.environment(len(case.seeds))
     try:
-        return held_out.drive(env, _Told(case, env), case.seeds)
+        episode = tuners.tune if case.drive.env_id in TUNED else held_out.drive
+        return episode(env, _Told(case, env), case.seeds)
     finally:
         env.close()
 
@@ -302,7 +318,7 @@ class _Told:
     """A controller whose errors are told in a sentence that says whose they are, as its code may be anybody's."""
 
     def __init__(self, case: Case, env: Any) -> None:
-        self._shape = (env.num_envs, 1)
+        self._shape = env.action_space.shape
         self._controller = self._called("its constructor", case.make, env)
 
     def _called(self, what: str, function: Callable[..., Any], *arguments: Any) -> Any:
@@ -316,13 +332,16 @@ class _Told:
         self._called("its reset", self._controller.reset, sub_environments)
 
     def act(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Actions (N, 1) for observations (N, O); ValueError for another shape, or what is no finite number."""
+        """Actions (N, n) for observations (N, ...); ValueError for another shape, or what is no finite number."""
         action = np.asarray(self._called("its act", self._controller.act, observation))
         if action.shape != self._shape or action.dtype.kind not in "fiu":
             raise ValueError(f"its act must give numbers {self._shape}, got {action.dtype} {action.shape}")
-        if not np.isfinite(action).all():
-            raise ValueError(f"its act gave {action[~np.isfinite(action)][0]}, which is no finite number")
-        return action.astype(np.float32)
+        with np.errstate(over="ignore"):
+            single = action.astype(np.float32)
+        if not np.isfinite(single).all():
+            given = action[~np.isfinite(single)][0]
+            raise ValueError(f"its act gave {given}, which is no finite number of single precision")
+        return single
 
 
 class Result(NamedTuple):
@@ -346,10 +365,9 @@ def enter(
         raise ValueError(f"entries need names of their own, got {', '.join(each.name for each in entries)}: rename one")
     cases: dict[tuple[str, str, str], Case] = {}
     for drive in of.drives.values():
-        known = {**SIMPLE, **baselines(drive.env_id)}
         entered = [each for each in entries if drive.env_id in each.makers]
         makers = {(each.kind, each.name): each.makers[drive.env_id] for each in entered}
-        makers |= {(BASELINE, name): known[name] for name in ("zero", drive.reference)}
+        makers |= {(BASELINE, name): drive.baselines[name] for name in ("zero", drive.reference)}
         cases |= {(drive.name, *who): Case(who[1], drive, make, seeds.seeds) for who, make in makers.items()}
     every = sweep(driven, cases.values(), notify=notify, words=lambda case: f"{case.drive.name} {case.label}")
     found = dict(zip(cases, every))

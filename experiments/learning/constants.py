@@ -47,4 +47,13 @@ SUITES = {
         "AssistWeave masing": "lqg",
         "AssistWeave viscous": "lqg",
     },
+    "tuners": {"TuneAllRound": "own_assist", "TuneOnCentre": "own_assist"},
+    "identification": {
+        "FrictionRecord elasto_plastic": "elasto_plastic",
+        "FrictionRecord lugre": "lugre",
+        "FrictionRecord masing": "masing",
+    },
 }
+
+# Qualities of data sets: the share of random action in what acts, the rest is of the benchmark's reference of the id.
+QUALITIES = {"poor": 1.0, "medium": 0.3, "good": 0.05}

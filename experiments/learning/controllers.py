@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from steer_env import assists, drivers, tasks
 from steer_env.experiments.learning import policy
-from steer_env.experiments.learning.constants import SHIPPED
+from steer_env.experiments.learning.constants import SHIPPED, SUITES
 from steer_env.experiments.learning.held_out import Controller
 
 Maker = Callable[[Any], Controller]
@@ -58,6 +58,11 @@ def baselines(env_id: str) -> dict[str, Maker]:
         models["informed_preview"] = {"driver": "preview", "informed": True}
         return {name: partial(drivers.Controller, driver=model) for name, model in models.items()}
     return {}
+
+
+def reference(env_id: str) -> str:
+    """The baseline that scores 1 in an id in the benchmark, with the law of the car."""
+    return {**SUITES["drivers"], **SUITES["assists"]}[policy.check_driven(env_id)]
 
 
 def is_policy(name: str) -> bool:

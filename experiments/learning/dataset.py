@@ -18,7 +18,9 @@ from minari.data_collector import EpisodeBuffer
 from steer_env import friction
 from steer_env.engine.infos import require_full
 from steer_env.engine.specification import plain
-from steer_env.experiments.learning.controllers import Maker
+from steer_env.experiments.learning import held_out
+from steer_env.experiments.learning.constants import QUALITIES
+from steer_env.experiments.learning.controllers import Maker, ZeroAction
 from steer_env.experiments.pages import provenance
 from steer_env.experiments.pages.files import replaced_directory
 
@@ -34,6 +36,7 @@ def record(
     episodes: int,
     first_seed: int,
     notify: Callable[[float, str], None] = lambda *_: None,
+    quality: str | None = None,
     **arguments: Any,
 ) -> None:
     """Record a controller in episodes of an id, one for each seed from ``first_seed`` on.
@@ -55,6 +58,9 @@ def record(
         Number of episodes, and the seed of the first.
     notify : callable
         Receives the part that is done and a text.
+    quality : str, optional
+        Of :data:`QUALITIES`: how much random action is mixed in. The metadata then hold it, the share, and for
+        ``minari.get_normalized_score`` the mean rewards of zero action and the controller alone on the same seeds.
     arguments :
         Of ``gymnasium.make``.
 
@@ -65,11 +71,11 @@ def record(
     """
     require_full(arguments.get("info_level", "full"), "a data set, which holds costs, terms and conditions")
     env: Any = gym.make(env_id, **arguments)
-    controller = make(env)
+    controller, share = make(env), QUALITIES[quality] if quality else 0.0
     buffers, about = [], []
     for k in range(episodes):
         notify(k / episodes, f"episode {k}")
-        found, conditions = _episode(env, controller, first_seed + k)
+        found, conditions = _episode(env, controller, first_seed + k, share)
         buffers.append(found)
         about.append(conditions)
     task, law = env.unwrapped.task.name, arguments.get("friction") or env.unwrapped.batch.car.friction
@@ -79,15 +85,20 @@ def record(
         "controller": name,
         "versions": provenance.versions(),
     }
+    if quality:
+        described |= {"quality": quality, "random_share": share}
+        for key, who in (("ref_min_score", ZeroAction), ("ref_max_score", make)):
+            described[key] = float(held_out.collect(env_id, who, episodes, first_seed, **arguments).reward.mean())
     with replaced_directory(out, CONTENTS) as part, _datasets_in(part), warnings.catch_warnings():
         # Author and link are for whoever publishes the set to add, with dataset.storage.update_metadata.
         warnings.simplefilter("ignore", UserWarning)
         written = minari.create_dataset_from_buffers(
-            f"{task}-{re.sub(r'[^-a-zA-Z0-9_]', '_', name)}-v0",
+            f"{task}-{re.sub(r'[^-a-zA-Z0-9_]', '_', quality or name)}-v0",
             buffers,
             env=env,
             algorithm_name=name,
-            description=f"{episodes} episodes of {env_id} from seed {first_seed} on, driven by {name}.",
+            description=f"{episodes} episodes of {env_id} from seed {first_seed} on, driven by {name}"
+            + (f", with a share of {share:g} of random action." if share else "."),
             requirements=[f"steer-env=={metadata.version('steer-env')}"],
         )
         written.storage.update_metadata(described)
@@ -98,18 +109,29 @@ def record(
     env.close()
 
 
-def _episode(env: Any, controller: Any, seed: int) -> tuple[EpisodeBuffer, dict[str, float]]:
-    """An episode, and its conditions and metrics."""
+def scored(out: Path) -> tuple[float, float]:
+    """Mean score and mean cost of the episodes of a set that has a quality."""
+    kept = minari.MinariDataset(out / DATA)
+    reward, cost = np.transpose([(e.rewards.sum(), e.infos["cost"].sum()) for e in kept.iterate_episodes()])
+    return float(minari.get_normalized_score(kept, reward).mean()), float(cost.mean())
+
+
+def _episode(env: Any, controller: Any, seed: int, share: float) -> tuple[EpisodeBuffer, dict[str, float]]:
+    """An episode with a share of random action, and its conditions and metrics."""
     task = env.unwrapped.task
     terms = {"reward_terms": [t.name for t in task.rewards], "cost_terms": [t.name for t in task.costs]}
     infos: list[dict[str, Any]] = [{"cost": 0.0, **{key: dict.fromkeys(names, 0.0) for key, names in terms.items()}}]
+    rng = np.random.default_rng([seed, 1])  # the seed alone would give the numbers that the environment draws
     controller.reset()
     observation, info = env.reset(seed=seed)
     about = _numbers("conditions", info)
     observations, actions, rewards = [observation], [], []
     terminated = truncated = False
     while not (terminated or truncated):
-        actions.append(np.clip(controller.act(observation), -1.0, 1.0))
+        action = np.clip(controller.act(observation), -1.0, 1.0)
+        if share:
+            action = ((1.0 - share) * action + share * rng.uniform(-1.0, 1.0, action.shape)).astype(np.float32)
+        actions.append(action)
         observation, reward, terminated, truncated, info = env.step(actions[-1])
         observations.append(observation)
         rewards.append(reward)

@@ -1,5 +1,6 @@
 """The table of the benchmark: every result file of a folder, scored anew from its raw episodes."""
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -8,7 +9,7 @@ import gymnasium as gym
 
 from steer_env import tasks
 from steer_env.environments import default_speed
-from steer_env.experiments.learning import benchmark, policy_report
+from steer_env.experiments.learning import benchmark, policy_report, records, tuners
 from steer_env.experiments.learning.benchmark import KINDS, Drive, Part, Result
 from steer_env.experiments.learning.constants import SUITES
 from steer_env.experiments.learning.held_out import Estimate
@@ -16,6 +17,7 @@ from steer_env.experiments.pages import provenance
 from steer_env.experiments.pages.pages import Page, place
 from steer_env.experiments.pages.pictures import dots
 from steer_env.experiments.pages.words import label, unit, within
+from steer_env.registration import DRIVEN, TUNED
 
 MARK = "*"  # beside what was earned with a mean cost above the limit
 NONE = "–"
@@ -73,16 +75,17 @@ class Standing(NamedTuple):
     def of_drive(self, drive: Drive) -> Table:
         """Score, reward, cost, failures and the metric that the task is judged by, of every entry in a drive."""
         some = self.results[0].episodes[drive.name][benchmark.ZERO]
-        aim = policy_report.aim(some.metrics)
-        task = tasks.task(_task(drive))
-        units = {"cost": "", **{metric.name: unit(metric.unit) for metric in task.metrics}}
+        aims, units = [], {}
+        if drive.env_id in DRIVEN:
+            aims = [policy_report.aim(some.metrics)]
+            units = {metric.name: unit(metric.unit) for metric in tasks.task(_task(drive)).metrics}
         rows = [
             (
                 name,
                 _marked(part),
                 *(spread(part.summary[key]) for key in ("reward", "cost")),
                 f"{part.failed} of {some.reward.size}",
-                spread(part.summary[aim]),
+                *(spread(part.summary[aim]) for aim in aims),
             )
             for name, part in sorted(
                 ((name, parts[drive.name]) for name, parts in zip(self.names, self.parts) if parts[drive.name].summary),
@@ -91,8 +94,8 @@ class Standing(NamedTuple):
         ]
         part = self.parts[0][drive.name]
         caption = f"{drive.name}: Score 1 is {label(part.reference)}, {spread(part.span)} of reward above zero action"
-        shown = f"{label(aim)} [{units[aim]}]" if units[aim] else label(aim)
-        return Table(caption, ("entry", "score", "reward", "cost", "failed", shown), rows, settings(drive))
+        shown = [f"{label(aim)} [{units[aim]}]" if units.get(aim) else label(aim) for aim in aims]
+        return Table(caption, ("entry", "score", "reward", "cost", "failed", *shown), rows, settings(drive))
 
     def tables(self) -> list[Table]:
         """All tables."""
@@ -112,18 +115,26 @@ def standings(results: Sequence[Result]) -> list[Standing]:
 
 
 def _task(drive: Drive) -> str:
-    return drive.env_id.removeprefix("steer_env/").rpartition("-")[0]
+    return drive.env_id.removeprefix("steer_env/").partition("-")[0]
 
 
 def short(drive: Drive) -> str:
     """The task without its role, in words, and the law: "lane keeping" of ``steer_env/AssistLaneKeeping-v3``."""
-    name = _task(drive).removeprefix("Driver").removeprefix("Assist")
+    name = re.sub("^(Driver|Assist|Tune)", "", _task(drive))
     words = "".join(f" {letter.lower()}" if letter.isupper() else letter for letter in name).strip()
     return words if drive.friction is None else f"{words}, {label(drive.friction)}"
 
 
 def settings(drive: Drive) -> str:
     """The settings of a drive in words."""
+    if drive.env_id in TUNED:
+        return f"The best of {tuners.SETS} sets in an episode, in a context that is drawn for each seed."
+    if drive.env_id == records.RECORD:
+        return (
+            "The reward is the error of the predicted torque in decibels below the torque, of both the RMS; level, "
+            "displacement and time of the contact are drawn for each seed, by up to a factor of "
+            f"{records.FACTOR:g}; noise {100 * records.NOISE:g} % of the level."
+        )
     env: Any = gym.make(drive.env_id).unwrapped
     task, usual = env.task, env.batch.usual_conditions
     speed = f"{3.6 * usual.speed:g} km/h" if task.speeds is None else f"a speed {default_speed(task)}"

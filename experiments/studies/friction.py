@@ -195,25 +195,28 @@ def of_factors(r: Results) -> dict[str, Any]:
     ranked = dict(sorted(means.items(), key=lambda pair: -pair[1]))
     order = list(ranked)
     place = order.index(of_law)
-    every = {factor: cases.by_level(rows) for factor, rows in cases.by_factor(r.effects).items()}
-    shares = {
-        factor: {
-            level: [row.found.share for row in rows if row.found.real and math.isfinite(row.found.share)]
-            for level, rows in of.items()
-        }
-        for factor, of in every.items()
-    }
     return {
         "ranked": ranked,
         "law": ranked[of_law],
         "stronger": {factor: ranked[factor] for factor in order[:place]},
         "weaker": order[place + 1 :],
         "noticed": [factor for factor in order if cases.summary(compared[factor]).noticed],
-        "picture": friction_pictures.strips(shares, MATTERS),
+        "picture": friction_pictures.strips(shares(r.effects), MATTERS),
         "levels": _summaries(
             {f"{factor}: {level}": of for factor, rows in factors.items() for level, of in cases.by_level(rows).items()}
         ),
         "effects": _outstanding([row for rows in factors.values() for row in rows]),
+    }
+
+
+def shares(effects: Sequence[Effect]) -> dict[str, dict[str, list[float]]]:
+    """Factor -> case -> real differences as shares of their metrics [1], as the picture shows them."""
+    return {
+        factor: {
+            level: [row.found.share for row in rows if row.found.real and math.isfinite(row.found.share)]
+            for level, rows in cases.by_level(of).items()
+        }
+        for factor, of in cases.by_factor(effects).items()
     }
 
 

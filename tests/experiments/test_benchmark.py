@@ -11,12 +11,12 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from steer_env import assists, drivers
+from steer_env import assists, drivers, friction
 from steer_env.experiments.cli.main import main
-from steer_env.experiments.learning import benchmark, held_out, policy
+from steer_env.experiments.learning import benchmark, held_out, policy, records, tuners
 from steer_env.experiments.learning.benchmark import CONTROLLER, REFERENCE, ZERO, Result, Round
 from steer_env.experiments.learning.constants import SUITES
-from steer_env.experiments.learning.controllers import baselines
+from steer_env.experiments.learning.controllers import ZeroAction
 from steer_env.experiments.learning.held_out import Episodes
 from steer_env.experiments.pages import own_modules
 from steer_env.experiments.reports import benchmark_page
@@ -102,7 +102,7 @@ def test_a_cost_above_the_limit_is_told():
 
 @pytest.mark.parametrize("name", SUITES)
 def test_the_references_are_baselines_of_ids_of_today(name):
-    assert all(drive.reference in baselines(drive.env_id) for drive in benchmark.suite(name).drives.values())
+    assert all(drive.reference in drive.baselines for drive in benchmark.suite(name).drives.values())
 
 
 def test_drivers_and_assists_have_all_ids_of_their_kind_and_the_friction_of_the_car():
@@ -127,9 +127,118 @@ def test_a_drive_has_its_law_and_one_policy_enters_all_drives_of_its_id(monkeypa
     assert scores.thresholds(benchmark_page.standings([result])) == {}
 
 
+def test_a_tuner_is_worth_its_best_set_and_a_search_comes_near_the_own_assist():
+    """In another context for each seed."""
+    found = {}
+    for make in (ZeroAction, tuners.OwnAssist, tuners.GaussNewton):
+        env = benchmark.suite("tuners").drives[id_of("TuneOnCentre")].environment(2)
+        found[make] = tuners.tune(env, make(env), (1, 2))
+        contexts = [each._drawn[1].context for each in env.envs]
+        assert contexts[0] != contexts[1]
+        env.close()
+    zero, own, search = (found[make].reward for make in found)
+    assert (own > zero + 5.0).all()
+    assert ((search - zero) / (own - zero) > 0.6).all()
+    assert (found[ZeroAction].cost >= 0.0).all()
+
+
+def test_the_search_of_a_tuner_solves_a_linear_problem_by_its_first_full_step():
+    rng = np.random.default_rng(0)
+    J, solution = rng.normal(size=(6, 3)), np.array([0.1, -0.2, 0.15])
+    search = tuners._search(3)
+    action = next(search)
+    for _ in range(4):  # the start and a step of each parameter
+        action = search.send(J @ (action - solution))
+    np.testing.assert_allclose(action, solution, atol=2e-3)  # but for the ridge
+
+
+def test_a_prediction_is_rewarded_in_decibels_of_its_error():
+    env = records.Records("masing", 3)
+    seen, _ = env.reset(seed=(1, 2, 3))
+    assert np.isfinite(seen[:, 1, : env.fitted]).all()
+    assert np.isnan(seen[:, 1, env.fitted :]).all()
+    assert not np.array_equal(seen[0, 1, : env.fitted], seen[1, 1, : env.fitted])
+    truth = env._truth
+    for prediction, reward in ((0.0, 0.0), (0.9 * truth, 20.0), (truth, records.MOST), (-truth, -20.0 * np.log10(2.0))):
+        again, _ = env.reset(seed=(1, 2, 3))
+        np.testing.assert_array_equal(again, seen)
+        np.testing.assert_allclose(env.step(prediction)[1], reward, atol=1e-9)
+        with pytest.raises(RuntimeError, match="the episodes are over"):  # or the reward would tell the torque
+            env.step(prediction)
+
+
+def test_contacts_of_one_seed_are_others_with_another_law():
+    seen = [records.Records(law, 1).reset(seed=(1,))[0] for law in ("dahl", "masing")]
+    level = [np.nanmax(np.abs(each[0, 1])) for each in seen]
+    assert abs(level[0] / level[1] - 1.0) > 0.05
+
+
+@pytest.mark.whole
+def test_a_tuner_is_entered_and_checked(there, monkeypatch, capsys):
+    monkeypatch.setitem(SUITES, "tuners", {"TuneOnCentre": "own_assist"})
+    assert main(["benchmark", "gauss_newton", "--suite", "tuners", "--episodes", "2", "--out", "out"]) == 0
+    file = there / "out" / "tuners-baseline-gauss_newton.json"
+    assert 0.5 < json.loads(file.read_text())["score"]["value"] < 1.5
+    assert main(["benchmark", "--verify", str(file), "--workers", "2"]) == 0
+    assert "all episodes are equal to the bit" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("law", [law for name in SUITES["identification"] for law in name.split()[1:]])
+def test_the_fit_of_the_true_law_predicts_a_contact_best(law):
+    env, rewards = records.Records(law, 1), {}
+    for name, make in records.BASELINES.items():
+        seen, _ = env.reset(seed=(5,))
+        rewards[name] = env.step(make(env).act(seen))[1][0]
+    assert max(rewards, key=rewards.get) == law
+    assert rewards[law] > 35.0 > 10.0 > rewards["coulomb"]
+
+
+def test_a_record_is_predicted_by_dahls_law_where_its_fit_is_refused(monkeypatch):
+    asked, fit = [], friction.fit
+
+    def refused(*given, law, **more):
+        asked.append(law)
+        if law == "lugre":
+            raise ValueError("did not converge")
+        return fit(*given, law=law, **more)
+
+    env = records.Records("lugre", 1)
+    seen, _ = env.reset(seed=(5,))
+    expected = records.BASELINES["dahl"](env).act(seen)
+    monkeypatch.setattr(friction, "fit", refused)
+    np.testing.assert_array_equal(records.BASELINES["lugre"](env).act(seen), expected)
+    assert asked == ["lugre", "dahl"]
+
+
+LEVEL = """
+import numpy as np
+
+class Level:
+    def __init__(self, env): self.fitted = env.fitted
+    def reset(self, rows=None): pass
+    def act(self, seen):
+        level = np.abs(seen[:, 1, :self.fitted]).max(axis=1, keepdims=True)
+        return level * np.sign(np.gradient(seen[:, 0], axis=1)[:, self.fitted:])
+"""
+
+
+def test_who_identifies_friction_enters_as_any_controller(there, monkeypatch, capsys):
+    monkeypatch.setitem(SUITES, "identification", {"FrictionRecord masing": "dahl"})
+    (there / "other.py").write_text(LEVEL)
+    enter = ["benchmark", "other.py:Level", "--suite", "identification", "--episodes", "2", "--out", "out"]
+    assert main(enter) == 0
+    value = json.loads((there / "out" / "identification-class-other-Level.json").read_text())["score"]["value"]
+    assert 0.0 < value < 0.5
+    assert main(["benchmark", "other.py:Level", "--verify", "out/identification-class-other-Level.json"]) == 0
+    assert "all episodes are equal to the bit" in capsys.readouterr().out
+    assert "friction record, masing" in (there / "out" / "index.html").read_text(encoding="utf-8").lower()
+
+
 def test_every_baseline_states_its_terms():
     told = toml.loads(benchmark.TOLD.read_text(encoding="utf-8"))
-    assert {"zero", "random", *assists.available(), *drivers.available()} - {"free"} <= set(told)
+    known = {"zero", "random", *assists.available(), *drivers.available(), *tuners.BASELINES, "fit"}
+    assert known - {"free"} <= set(told)
+    assert benchmark.entry("dahl", benchmark.suite("identification")).terms == told["fit"]
     assert all(set(terms) <= set(benchmark_page.TERMS) and terms["information"] for terms in told.values())
     assert all(terms["tuning"] for terms in told.values())
     lqg = benchmark.entry("lqg", benchmark.suite("assists"))
@@ -299,6 +408,7 @@ FAILING = {
     "shape": ("def act(self, observation): return observation", r"its act must give numbers \(2, 1\), got float32"),
     "words": ("def act(self, observation): return [['a'], ['b']]", r"its act must give numbers \(2, 1\), got <U1"),
     "nan": ("def act(self, observation): return observation[:, :1] * float('nan')", "its act gave nan, which is"),
+    "huge": ("def act(self, observation): return [[1e300]] * len(observation)", "its act gave 1e.300, which is"),
     "act": ("def act(self, observation): return {}['gain']", r"its act raised KeyError: 'gain' \(other.py, line 4\)"),
     "exit": ("def act(self, observation): raise SystemExit(3)", r"its act raised SystemExit: 3 \(other.py, line 4\)"),
     "reset": ("def act(self, observation): pass\n def reset(self, rows=None): 1 / 0", "its reset raised ZeroDivision"),
@@ -327,7 +437,10 @@ def test_a_controller_that_fails_is_told_in_one_sentence(name, there, short, cap
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["zero"], "give one of --suite (drivers, assists, friction), --verify and --new-round"),
+        (
+            ["zero"],
+            "give one of --suite (drivers, assists, friction, tuners, identification), --verify and --new-round",
+        ),
         (["zero", "--suite", "assists", "--round", "round.json", "--episodes", "3"], "--episodes has no effect here"),
         (["zero", "zero", "--suite", "assists"], "entries need names of their own, got zero, zero"),
         (["zero", "--suite", "assists", "--out", "broken"], "assists-class-x.json: is no result"),

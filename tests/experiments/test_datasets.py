@@ -1,6 +1,5 @@
 """Data sets in Minari's format: recorded by the command, reloaded, replayed to the bit."""
 
-import importlib.util
 import json
 
 import numpy as np
@@ -8,6 +7,9 @@ import pytest
 
 from steer_env import friction
 from steer_env.experiments.cli.main import main
+from steer_env.experiments.learning import controllers
+from steer_env.experiments.learning.constants import QUALITIES
+from steer_env.registration import DRIVEN
 
 minari = pytest.importorskip("minari")
 pytest.importorskip("h5py")
@@ -100,14 +102,27 @@ def test_a_set_takes_full_infos(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_the_example_of_offline_learning(tmp_path):
-    from pathlib import Path
+def test_qualities_are_reproducible_by_seed_and_in_order(tmp_path):
+    def quality(name, seed, episodes):
+        options = ["--env", WEAVE, "--quality", name, "--seed", str(seed), "--episodes", str(episodes)]
+        return _recorded(tmp_path / f"{name}{seed}", *options)
 
-    path = Path(__file__).parents[2] / "examples" / "clone_from_dataset.py"
-    spec = importlib.util.spec_from_file_location("clone_from_dataset", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    _recorded(tmp_path / "set", "--env", "steer_env/DriverLaneKeeping-v3", "--policy", "preview", "--episodes", "8")
-    found = module.main(tmp_path / "set")
-    assert found["clone"] > 0.9 * found["recorded"] > 0.0
-    assert found["zero action"] < 0.8 * found["recorded"]
+    sets = {name: quality(name, 5, 2) for name in QUALITIES}
+    scores = []
+    for name, dataset in sets.items():
+        episodes = _replay(dataset, dataset.recover_environment())
+        actions = np.concatenate([episode.actions for episode in episodes])
+        assert actions.dtype == np.float32
+        assert 0.1 < np.abs(actions).max() <= 1.0
+        about = dataset.storage.metadata
+        assert (about["quality"], about["random_share"], about["controller"]) == (name, QUALITIES[name], "lqg")
+        reward = np.array([episode.rewards.sum() for episode in episodes])
+        scores.append(minari.get_normalized_score(dataset, reward).mean())
+    assert scores[0] < -1.0 < scores[1] < 0.2 < 0.6 < scores[2] < 1.0
+    (alone,) = quality("medium", 6, 1).iterate_episodes()
+    np.testing.assert_array_equal(alone.actions, sets["medium"][1].actions)
+
+
+def test_every_id_has_a_reference_among_its_baselines():
+    for env_id in DRIVEN:
+        assert controllers.reference(env_id) in controllers.baselines(env_id)

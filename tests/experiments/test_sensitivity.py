@@ -121,13 +121,24 @@ def test_what_is_refused_is_told_and_the_rest_is_kept(car, tmp_path):
     assert "F_s must be at least F_c" in forbidden.refused[torque]
     assert set(forbidden.values) == set(fine.values)
     assert not any(name in fine.refused for name in (torque, peak))
-    with pytest.raises(ValueError, match=r"every output is refused at most parameter sets: F_s .*; narrow the ranges"):
-        sensitivity.collect(
-            study(car, ("boost_level", "friction.F_c=1:2")),
-            targets.load("compact"),
-            "lugre",
-            screening.design(2, "morris", 4, 0),
-        )
+
+
+@pytest.mark.parametrize(
+    ("names", "reason"),
+    [
+        (("boost_level", "friction.F_c=1:2"), "F_s must be"),
+        (("boost_level", "column.K_tb=100:5000"), "the assist loop is unstable"),  # has margins at every point
+    ],
+)
+def test_ranges_in_which_no_metric_has_an_effect_are_refused(names, reason, car):
+    with pytest.raises(ValueError, match=rf"is refused at most parameter sets: .*{reason}.*; narrow the ranges"):
+        sensitivity.collect(study(car, names), targets.load("compact"), "lugre", screening.design(2, "morris", 4, 0))
+
+
+def test_targets_without_a_band_are_refused(car):
+    empty = targets.load("compact")._replace(bands={})
+    with pytest.raises(ValueError, match="targets 'compact' have no band for weave"):
+        sensitivity.collect(study(car, ("boost_level", "load")), empty, "lugre", screening.design(2, "morris", 4, 0))
 
 
 def test_a_parameter_of_a_site_is_varied_as_if_it_were_given(car):

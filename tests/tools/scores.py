@@ -10,6 +10,7 @@ from steer_env.experiments.learning.benchmark import BASELINE
 from steer_env.experiments.learning.controllers import SIMPLE
 from steer_env.experiments.pages.files import write_json
 from steer_env.experiments.reports.benchmark_page import MARK, Standing
+from steer_env.registration import DRIVEN
 
 
 def thresholds(standings: Sequence[Standing]) -> dict[str, float]:
@@ -19,7 +20,7 @@ def thresholds(standings: Sequence[Standing]) -> dict[str, float]:
         for result, parts in zip(standing.results, standing.parts):
             if result.controller["kind"] == BASELINE and result.controller["name"] not in SIMPLE:
                 for drive in standing.results[0].suite.drives.values():
-                    if drive.friction is None and (found := parts[drive.name].summary):
+                    if drive.env_id in DRIVEN and drive.friction is None and (found := parts[drive.name].summary):
                         best[drive.env_id] = max(best.get(drive.env_id, -math.inf), found["reward"].value)
     return {env_id: rounded_down(value) for env_id, value in sorted(best.items())}
 
@@ -53,8 +54,9 @@ def markdown(found: Sequence[Standing]) -> str:
         lines += [f"## {summary.caption}", f"{len(seeds)} seeds from {seeds[0]} to {seeds[-1]}."]
         lines += [table(summary.head, summary.rows), f"### {terms.caption}", table(terms.head, terms.rows)]
         for name, drive in standing.results[0].suite.drives.items():
-            if drive.friction is None:
+            if drive.friction is None or drive.env_id not in DRIVEN:
                 shown = standing.of_drive(drive)
-                told = f"{shown.caption.removeprefix(f'{name}: ')}. {shown.about} `reward_threshold`: {solved[name]:g}."
+                threshold = f" `reward_threshold`: {solved[name]:g}." if name in solved else ""
+                told = f"{shown.caption.removeprefix(f'{name}: ')}. {shown.about}{threshold}"
                 lines += [f"### `{name}`", told, table(shown.head, shown.rows)]
     return "\n\n".join(lines) + "\n"

@@ -8,13 +8,14 @@ copied beside them and offered for download.
 import os
 import posixpath
 import re
+import runpy
 import shutil
 import subprocess
 import sys
 from collections.abc import Iterable
 from pathlib import Path
 
-from tests.tools.site_pages import ROOT, generated
+from tests.tools.site_pages import GALLERY, ROOT, generated
 
 CONFIGURATION = ROOT / "docs"
 # Pages of the site that stand for files and folders of the repository.
@@ -84,7 +85,14 @@ DOORS = {
         "docs/compatibility.md",
         "docs/public_interface.md",
     ),
-    "Project": ("CHANGELOG.md", "CONTRIBUTING.md", "docs/releasing.md", "citation.md", "licence.md"),
+    "Project": (
+        "Draft of a paper <docs/paper>",
+        "CHANGELOG.md",
+        "CONTRIBUTING.md",
+        "docs/releasing.md",
+        "citation.md",
+        "licence.md",
+    ),
 }
 
 
@@ -152,22 +160,61 @@ def mathml(tex: str, block: bool) -> str:
     return tex2mathml(spaced, as_block=block).replace("<mo>'</mo>", "<mo>′</mo>")
 
 
+def draw(folder: Path) -> int:
+    """Write the page of the car and the pictures of the gallery, in the places that they have in the site."""
+    from steer_env.experiments.cli.main import main
+
+    place = folder / "examples" / "gallery"
+    place.mkdir(parents=True, exist_ok=True)
+    os.chdir(place)
+    for script in GALLERY:
+        runpy.run_path(str(script))
+    return main(["explore", "--friction", *LAWS, "--out", str(folder / "live")])
+
+
 def build(out: Path, options: Iterable[str] = ("--fail-on-warning", "--keep-going", "--nitpicky")) -> int:
     """Build the site into ``out``, with the sources and what Sphinx keeps beside it; the exit code.
 
-    The page of the car is compiled meanwhile, by a process of its own.
+    What is compiled is drawn meanwhile, by a process of its own.
     """
     from sphinx.cmd.build import main
 
-    live = out.with_name(f"{out.name}-live")
-    words = [sys.executable, "-m", "steer_env.experiments.cli.main", "explore", "--friction", *LAWS, "--out", str(live)]
-    compiled = {key: value for key, value in os.environ.items() if key != "NUMBA_DISABLE_JIT"}
-    page = subprocess.Popen(words, cwd=ROOT, env=compiled, stdout=subprocess.DEVNULL)
-    sources, kept = (out.with_name(f"{out.name}-{part}") for part in ("sources", "kept"))
+    sources, kept, drawn = (out.with_name(f"{out.name}-{part}").absolute() for part in ("sources", "kept", "drawn"))
+    shutil.rmtree(drawn, ignore_errors=True)
+    compiled = {key: value for key, value in os.environ.items() if key != "NUMBA_DISABLE_JIT"} | {"MPLBACKEND": "agg"}
+    words = [sys.executable, "-m", "tests.tools.site", str(drawn)]
+    drawing = subprocess.Popen(words, cwd=ROOT, env=compiled, stdout=subprocess.DEVNULL)
     gather(sources)
     shutil.rmtree(out, ignore_errors=True)
     places = ["--conf-dir", CONFIGURATION, "--doctree-dir", kept, sources, out]
     code = main([*options, "--quiet", "--fresh-env", "--jobs", "auto", "--builder", "html", *map(str, places)])
-    if page.wait() == 0:
-        shutil.move(live, out / "live")
-    return code or page.returncode
+    if drawing.wait() == 0:
+        shutil.copytree(drawn, out, dirs_exist_ok=True)
+    return code or drawing.returncode
+
+
+def single(page: Path, out: Path) -> int:
+    """Build a page by itself into ``out``, for a printer: its pictures are beside it, links elsewhere are their text.
+
+    Returns
+    -------
+    int
+        The exit code.
+    """
+    from sphinx.cmd.build import main
+
+    sources = out.with_name(f"{out.name}-sources")
+    for folder in (sources, out):
+        shutil.rmtree(folder, ignore_errors=True)
+    sources.mkdir(parents=True)
+    text = page.read_text(encoding="utf-8")
+    for picture in re.findall(r"!\[[^]]*\]\(([^)]+)\)", text):
+        shutil.copy(page.parent / picture, sources)
+    text = re.sub(r"(?<!!)\[([^]^]+)\]\((?!https?:)[^)]+\)", r"\1", text)
+    (sources / "index.md").write_text(text, encoding="utf-8")
+    places = map(str, ("--conf-dir", CONFIGURATION, "--doctree-dir", sources / "kept", sources, out))
+    return main(["--fail-on-warning", "--quiet", "--define", "html_theme=basic", *places])
+
+
+if __name__ == "__main__":
+    sys.exit(draw(Path(sys.argv[1])))

@@ -26,6 +26,7 @@ from steer_env.vehicle.keys import declared_keys
 from tests.tools import glossary
 
 ROOT = Path(__file__).resolve().parents[2]
+GALLERY = sorted((ROOT / "examples" / "gallery").glob("*.py"))
 Pages = dict[str, str]  # place in the site -> text
 WHOLE = ("steer_env.targets", "steer_env.sb3")  # public modules without `__all__`
 HISTORY = HISTORIES["growing_sine"]  # through which every law is drawn
@@ -266,20 +267,39 @@ def _directive(module: str, key: str, thing: Any) -> list[str]:
 
 
 def examples() -> Pages:
-    """A page of the examples, with the first sentence of each."""
-    lines, pages = [], []
+    """The gallery, a page for each of its scripts, and the first sentence of every other example."""
+    pages, shown, lines = {}, [], []
     for path in sorted((ROOT / "examples").rglob("*")):
-        if path.is_file() and "__pycache__" not in path.parts:
-            place = path.relative_to(ROOT / "examples").as_posix()
-            told = ""
-            if path.suffix == ".md":
-                pages.append(place)
-            if path.suffix == ".py":
-                docstring = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
-                told = ": " + " ".join(docstring.split("\n\n")[0].split())
-            lines.append(f"* [{place}]({place}){told}")
-    text = "# Examples\n\n" + "\n".join(lines) + "\n\n```{toctree}\n:hidden:\n\n" + "\n".join(pages) + "\n```\n"
-    return {"examples/index.md": text}
+        if not path.is_file() or "__pycache__" in path.parts:
+            continue
+        place, told, rest = path.relative_to(ROOT / "examples").as_posix(), "", ""
+        if path.suffix == ".py":
+            docstring = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
+            first, _, rest = docstring.partition("\n\n")
+            told = " ".join(first.split())
+        if path in GALLERY:
+            pages[f"examples/gallery/{path.stem}.md"] = _of_gallery(path, told, rest)
+            shown.append(f'<a href="gallery/{path.stem}.html"><img src="gallery/{path.stem}.svg" alt="">{told}</a>')
+        else:
+            lines.append(f"* [{place}]({place})" + (f": {told}" if told else ""))
+    listed = [place.removeprefix("examples/") for place in pages] + ["can_log/SOURCES.md"]
+    parts = [
+        "# Examples",
+        "Every picture is drawn by its script when this site is built; its page has the script.",
+        '<div class="gallery">\n' + "\n".join(shown) + "\n</div>",
+        "## Longer examples, and files",
+        "\n".join(lines),
+        "```{toctree}\n:hidden:\n\n" + "\n".join(listed) + "\n```\n",
+    ]
+    return pages | {"examples/index.md": "\n\n".join(parts)}
+
+
+def _of_gallery(script: Path, title: str, text: str) -> str:
+    """The page of a script: what it answers, its picture and its code."""
+    code = script.read_text(encoding="utf-8").partition('"""\n\n')[2]
+    picture = f'<img src="{script.stem}.svg" alt="{title}">'
+    link = f"[{script.name}]({script.name})"
+    return f"# {title}\n\n{text}\n\n{picture}\n\n{link}:\n\n```python\n{code}```\n"
 
 
 def files() -> Pages:

@@ -98,6 +98,14 @@ def test_what_the_page_names_stands_there(path):
 
 
 @pytest.mark.whole
-@pytest.mark.parametrize("block", re.findall(r"```python\n(.*?)```", PAGE, re.S))
-def test_blocks_run_by_themselves(block):
-    subprocess.run([sys.executable, "-c", block], check=True, cwd=ROOT)
+@pytest.mark.parametrize(
+    ("block", "printed"), re.findall(r"```python\n(.*?)```\n(?:\n```text\n(.*?)```)?", PAGE, re.S), ids=lambda _: ""
+)
+def test_blocks_run_by_themselves_and_print_what_stands_there(block, printed):
+    """Numbers within 1 %, as a last digit is rounded otherwise on another processor."""
+    done = subprocess.run([sys.executable, "-c", block], check=True, cwd=ROOT, capture_output=True, text=True)
+    if printed:
+        number = re.compile(r"-?\d+\.?\d*")
+        assert number.sub("", done.stdout).split() == number.sub("", printed).split()
+        found, expected = ([float(x) for x in number.findall(text)] for text in (done.stdout, printed))
+        assert found == pytest.approx(expected, rel=0.01, abs=0.006)

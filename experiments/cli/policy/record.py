@@ -6,7 +6,7 @@ from pathlib import Path
 from steer_env.experiments.cli.common import options
 from steer_env.experiments.cli.common.extras import require
 from steer_env.experiments.cli.common.options import SHIPPED
-from steer_env.experiments.learning.constants import HELD_OUT
+from steer_env.experiments.learning.constants import HELD_OUT, QUALITIES
 from steer_env.experiments.pages import car_options
 from steer_env.registration import DRIVEN
 
@@ -15,7 +15,14 @@ def add(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     options.add(parser, "--env", f": {', '.join(DRIVEN)}", required=True)
     text = f"the name of a baseline, zero, random, {SHIPPED!r}, or a policy.zip that 'steer-env train' wrote"
-    parser.add_argument("--policy", metavar="NAME", required=True, help=text)
+    who = parser.add_mutually_exclusive_group(required=True)
+    who.add_argument("--policy", metavar="NAME", help=text)
+    text = (
+        "the benchmark's reference of the id with a share of random action: "
+        + ", ".join(f"{name} {share:g}" for name, share in QUALITIES.items())
+        + "; prints the score of the set"
+    )
+    who.add_argument("--quality", choices=tuple(QUALITIES), help=text)
     options.add(parser, "--episodes", default=100, type=options.whole_number(1, HELD_OUT))
     text = f"of the first episode; all stay below {HELD_OUT}, where held-out episodes begin"
     options.add(parser, "--seed", text, 0, type=options.whole_number(0, HELD_OUT - 1))
@@ -37,18 +44,21 @@ def run(args: argparse.Namespace) -> None:
 
     policy.check_driven(args.env)
     out, made = args.out, {}
-    if controllers.is_policy(args.policy):
+    name = args.policy or controllers.reference(args.env)
+    if controllers.is_policy(name):
         require("train", "a trained policy")
-        path = controllers.path_of(args.policy, args.env)
+        path = controllers.path_of(name, args.env)
         about = policy.about(path)
         made = {**policy.conditions(about), "friction": policy.law(about["friction"], path).parameters}
         caution(path, about)
-    make = controllers.named(args.policy, args.env)
+    make = controllers.named(name, args.env)
     if args.friction:
         made["friction"] = args.friction.parameters
     if car_options.given(args):
         made["vehicle"] = car_options.load(args).data()
     usable(out, dataset.CONTENTS)
     with progress("recording") as notify:
-        dataset.record(out, args.env, Path(args.policy).stem, make, args.episodes, args.seed, notify, **made)
+        dataset.record(out, args.env, Path(name).stem, make, args.episodes, args.seed, notify, args.quality, **made)
     print(out / dataset.DATA)
+    if args.quality:
+        print("score {:.2f}, mean cost {:.2f}".format(*dataset.scored(out)))

@@ -1,0 +1,81 @@
+"""Every block of the tutorials in its order: files are written, commands run, and print what the page says.
+
+docs/walkthrough.md is one as a whole, other pages are one below their heading "In ten minutes".
+"""
+
+import os
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+DOCS = Path(__file__).parents[1] / "docs"
+PAGES = ("walkthrough", "friction_laws", "learning", "fmu", "driving")
+# What a test has, and what it does not wait for: the package with its extras, and minutes of training.
+SHORTENED = {"pip install": ": pip install", "--minutes 1 ": "--minutes 0.1 "}
+CLOCK = "<!-- by the clock -->"  # before what is printed with other digits each time; no reader sees it
+COMMANDS = (
+    f"steer-env() {{ '{sys.executable}' -m steer_env.experiments.cli.main \"$@\"; }}\n"
+    f"fmpy() {{ '{sys.executable}' -m fmpy \"$@\"; }}\n"
+)
+FADED = "every metric refused: the torque was off or faded"
+SECONDS = 600.0
+FEWEST = 3  # lines that a page shows of what is printed
+
+
+def blocks(page):
+    """Language, text and whether its digits differ each time, of every block of a tutorial."""
+    text = (DOCS / f"{page}.md").read_text(encoding="utf-8")
+    if page != "walkthrough":
+        text = text.split("\n## In ten minutes\n")[1].partition("\n## ")[0]
+    found = re.findall(rf"^({CLOCK}\n)?```(\w+)\n(.*?)^```", text, flags=re.DOTALL | re.MULTILINE)
+    return [(language, block, bool(clock)) for clock, language, block in found]
+
+
+def output(command, folder, until):
+    environment = {**os.environ, "COLUMNS": "200", "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    left = until - time.monotonic()
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, env=environment, timeout=left)
+    assert done.returncode == 0 or FADED in done.stdout, done.stdout + done.stderr
+    return done.stdout
+
+
+def words(line, clock):
+    """A line as it is compared: whatever the spaces, and of numbers by the clock no more than that they are some."""
+    line = " ".join(line.split())
+    return re.sub(r"[-\d.]+", "0", line) if clock else line
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize("page", PAGES)
+def test_tutorial(page, tmp_path):
+    """Its commands run in ten minutes."""
+    for extra in {"learning": ["stable_baselines3"], "fmu": ["fmpy"]}.get(page, []):
+        pytest.importorskip(extra, reason="an extra is not installed")
+    out, compared, until = "", 0, time.monotonic() + SECONDS
+    for language, text, clock in blocks(page):
+        match language:
+            case "toml":
+                (tmp_path / text.split()[1]).write_text(text, encoding="utf-8")
+            case "python":
+                out = output([sys.executable, "-c", text], tmp_path, until)
+            case "sh":
+                for long, short in SHORTENED.items():
+                    text = text.replace(long, short)
+                out = output(["bash", "-c", COMMANDS + text], tmp_path, until)
+            case "text" if clock and FADED in out:
+                continue  # this machine was too busy for a drive in real time
+            case "text":
+                printed = [words(line, clock) for line in out.splitlines()]
+                for line in text.splitlines():
+                    assert words(line, clock) in printed, out
+                    compared += 1
+    assert compared >= FEWEST
+
+
+def test_a_number_by_the_clock_is_compared_as_a_number():
+    assert words("loop_area  0.43  0.41 .. 0.45 J  ", True) == words("loop_area  1.5 -0.41 .. 0.5 J", True)
+    assert words("loop_area  refused", True) != words("loop_area  0.43", True)
