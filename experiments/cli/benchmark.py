@@ -137,7 +137,9 @@ def _verify(args: argparse.Namespace) -> int:
 
 def _told(file: Path, fields: list[str], what: str) -> int:
     """Print which fields differ; the exit code."""
-    raw_first = sorted(fields, key=lambda field: not field.startswith("episodes"))  # from which the others follow
-    shown = ", ".join(raw_first[:5]) + (f" and {len(fields) - 5} more" if len(fields) > 5 else "")
+    ordered = sorted(
+        fields, key=lambda field: field.startswith(("score", "parts", "sha256"))
+    )  # which follow from others
+    shown = ", ".join(ordered[:5]) + (f" and {len(fields) - 5} more" if len(fields) > 5 else "")
     print(f"{file}: {len(fields)} fields {what}: {shown}")
     return 1

@@ -345,7 +345,9 @@ def test_what_is_forged_with_all_that_follows_is_named_when_driven_again(place, 
     fields = benchmark.again(result, benchmark.entry(result.controller["name"], result.suite))
     assert named in fields
     assert main(["benchmark", "--verify", str(path)]) == 1
-    assert "are others when its episodes are driven again" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "are others when its episodes are driven again" in told
+    assert named in told
 
 
 def test_a_class_is_compared_with_the_one_that_is_given(there, short, capsys):
