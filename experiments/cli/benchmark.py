@@ -137,9 +137,8 @@ def _verify(args: argparse.Namespace) -> int:
 
 def _told(file: Path, fields: list[str], what: str) -> int:
     """Print which fields differ; the exit code."""
-    ordered = sorted(
-        fields, key=lambda field: field.startswith(("score", "parts", "sha256"))
-    )  # which follow from others
+    derived = "score", "parts", "sha256"  # follow from others, which are named first
+    ordered = sorted(fields, key=lambda field: field.startswith(derived))
     shown = ", ".join(ordered[:5]) + (f" and {len(fields) - 5} more" if len(fields) > 5 else "")
     print(f"{file}: {len(fields)} fields {what}: {shown}")
     return 1

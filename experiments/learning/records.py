@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from steer_env import friction
 from steer_env.experiments.learning.held_out import Controller
-from steer_env.experiments.studies.common.friction_records import displacement, true_laws
+from steer_env.experiments.studies.common.friction_records import SYNTHETIC_STEP, displacement, true_laws
 from steer_env.friction import defaults
 from steer_env.friction.identification.scales import Scales, scaled
 from steer_env.friction.law import LAWS
@@ -30,7 +30,7 @@ MOST = 120.0  # reward at most, of a prediction that is exact [dB]
 
 
 class Records:
-    """Noisy records of contacts with one friction law, whose level, stiffness and rate are drawn by the seed.
+    """Noisy records of contacts with one friction law, whose level, displacement and time are drawn by the seed.
 
     Observations (N, 2, T) are the displacement [rad] and the torque [N m], which is NaN in the last P samples. The
     action (N, P) is the torque there, without noise. The reward is the error of the prediction in decibels below the
@@ -49,16 +49,15 @@ class Records:
     def __init__(self, law: str, num_envs: int) -> None:
         self.num_envs, self.unwrapped = num_envs, self
         x, judged = displacement(MOTION)
-        every = round(STEP / 0.01)
+        every = round(STEP / SYNTHETIC_STEP)
         self._x, self.fitted = x[::every], math.ceil(judged / every)
         self._law, usual = LAWS[law], true_laws([law])[law]
         # Those of the studies lie where the law ends (F10), to which a search for them runs.
-        self._usual = (
-            usual._replace(sigma_2=INNER * usual.sigma_2) if {"F_s", "sigma_2"} <= set(usual._fields) else usual
-        )
+        inner = {"sigma_2": INNER * usual.sigma_2} if {"F_s", "sigma_2"} <= set(usual._fields) else {}
+        self._usual = usual._replace(**inner)
         self._open = False
         self.action_space = gym.spaces.Box(-math.inf, math.inf, (num_envs, self._x.size - self.fitted), np.float32)
-        self._truth = np.zeros((num_envs, self._x.size - self.fitted))
+        self._truth = np.zeros(self.action_space.shape)
 
     def reset(self, *, seed: Sequence[int], options: Any = None) -> tuple[Array, dict[str, Any]]:
         """Draw a contact for each seed: the records."""

@@ -12,20 +12,18 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from steer_env.experiments.learning.held_out import Controller, Episodes
-from steer_env.targets import load as load_targets
 from steer_env.tuning.env import observed, wanted
-from steer_env.tuning.reward import terms
+from steer_env.tuning.reward import MAX_DISTANCE
 from steer_env.vehicle.steering.margins import TARGETS as MARGINS
 
 Array = NDArray[np.float64]
 
 SETS = 12  # in an episode
-# Drawn for every seed, as in the tests of the tuning ids, so that other metrics are wanted in each.
+# Drawn for every seed, so that other metrics are wanted in each; assumed.
 DRAWN = {"load": (0.0, 300.0), "friction_level": (0.5, 2.0), "speed": (22.0, 36.0)}
 SETTINGS = {"sets": SETS, "randomise": DRAWN, "workers": 1}  # of the environment; the sweep has the processes
 STEP = 0.25  # of a parameter for its column of the Jacobian, and first radius of the steps, assumed [1]
 RIDGE = 0.05  # that a change of a parameter by 1 costs beside the distances of the metrics, assumed [1]
-FAR = 3.0  # residual of a set of which a test refuses a metric, that of the reward [1]
 
 
 def tune(env: Any, tuner: Controller, seeds: Sequence[int]) -> Episodes:
@@ -63,10 +61,9 @@ class GaussNewton:
 
     def __init__(self, env: Any) -> None:
         self._n, self._size = env.action_space.shape
-        scenario = env.unwrapped.envs[0].scenario
-        names, aims = [quantity.name for quantity in observed(scenario)], wanted(scenario)
-        bands = terms(scenario, load_targets("compact"), None)
-        self._widths = np.array([np.ptp(bands[name].band.good) for name in aims])
+        first = env.unwrapped.envs[0]
+        names, aims = [quantity.name for quantity in observed(first.scenario)], wanted(first.scenario)
+        self._widths = np.array([np.ptp(first.terms[name].band.good) for name in aims])
         self._wanted = [names.index(f"wanted_{name}") for name in aims]
         self._metrics = [names.index(name) for name in aims]
         self._margins = [names.index(name) for name in ("phase_margin", "gain_margin")]
@@ -83,7 +80,7 @@ class GaussNewton:
         distance = (seen[:, self._metrics] - seen[:, self._wanted]) / self._widths
         shortfall = np.maximum(0.0, 1.0 - seen[:, self._margins] / MARGINS)
         residuals = np.column_stack([distance, shortfall])
-        residuals[seen[:, self._refused] > 0.0] = FAR
+        residuals[seen[:, self._refused] > 0.0] = MAX_DISTANCE  # that of a refused metric in the reward
         told = residuals if self._begun else [None] * self._n
         self._begun = True
         return np.array([search.send(each) for search, each in zip(self._searches, told)], np.float32)

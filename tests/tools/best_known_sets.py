@@ -16,11 +16,11 @@ import gymnasium as gym
 import numpy as np
 from scipy import optimize
 
+from steer_env.experiments.learning.tuners import DRAWN
 from steer_env.registration import id_of
 from steer_env.tuning.scenarios.common.definition import SCENARIOS
 
 FILE = Path(__file__).parents[1] / "steer_env" / "best_known_sets.json"
-DRAWN = {"load": (0.0, 300.0), "friction_level": (0.5, 2.0), "speed": (22.0, 36.0)}
 CONTEXTS = ((0, False), (1, False), (2, True))  # seed, and whether the conditions are drawn
 EVALUATIONS = 200  # of each search
 

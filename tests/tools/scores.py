@@ -45,8 +45,8 @@ def markdown(found: Sequence[Standing]) -> str:
     lines = [
         "# Scores",
         "`steer-env benchmark` writes these tables, and [benchmark.md](benchmark.md) tells how a score is made: every "
-        "controller in the same held-out episodes of each id at its default settings, but for the friction law where "
-        f"one stands beside it; mean and 95 % interval. `{MARK}` marks a mean cost above the limit of 1.",
+        "controller in the same held-out episodes of each id or friction law; mean and 95 % interval. "
+        f"`{MARK}` marks a mean cost above the limit of 1.",
     ]
     for standing in found:
         seeds = standing.results[0].round.seeds
