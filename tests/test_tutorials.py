@@ -21,7 +21,10 @@ COMMANDS = (
     f"steer-env() {{ '{sys.executable}' -m steer_env.experiments.cli.main \"$@\"; }}\n"
     f"fmpy() {{ '{sys.executable}' -m fmpy \"$@\"; }}\n"
 )
-FADED = "every metric refused: the torque was off or faded"
+# What this machine did to a drive in real time, which is no fault of the page; every other refusal is one.
+BUSY = re.compile(
+    r"every metric refused: (the torque was off or faded|the simulation stood still|\S+ of the deadlines were missed)"
+)
 SECONDS = 600.0
 FEWEST = 3  # lines that a page shows of what is printed
 
@@ -39,7 +42,7 @@ def output(command, folder, until):
     environment = {**os.environ, "COLUMNS": "200", "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     left = until - time.monotonic()
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, env=environment, timeout=left)
-    assert done.returncode == 0 or FADED in done.stdout, done.stdout + done.stderr
+    assert done.returncode == 0 or BUSY.search(done.stdout), done.stdout + done.stderr
     return done.stdout
 
 
@@ -66,8 +69,8 @@ def test_tutorial(page, tmp_path):
                 for long, short in SHORTENED.items():
                     text = text.replace(long, short)
                 out = output(["bash", "-c", COMMANDS + text], tmp_path, until)
-            case "text" if clock and FADED in out:
-                continue  # this machine was too busy for a drive in real time
+            case "text" if clock and BUSY.search(out):
+                continue
             case "text":
                 printed = [words(line, clock) for line in out.splitlines()]
                 for line in text.splitlines():
