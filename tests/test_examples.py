@@ -4,6 +4,7 @@ import importlib.util
 import re
 import runpy
 import sys
+import threading
 from pathlib import Path
 
 import gymnasium as gym
@@ -86,6 +87,32 @@ def test_fmu_controller(tmp_path, monkeypatch):
 
     np.testing.assert_allclose(found.reward, held_out.drive(env, Own(env), (1, 2)).reward, rtol=1e-6)
     assert (found.reward != zero.reward).all()
+    env.close()
+
+
+def test_process_controller(monkeypatch):
+    """It earns what a class of the same equation earns, to the bit, and says when the process is gone."""
+    example = load("process_controller")
+    with example.socketserver.ThreadingTCPServer(("127.0.0.1", 0), example.Program) as server:
+        monkeypatch.setattr(example, "ADDRESS", server.server_address)
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        env = gym.make_vec(id_of("AssistRelease"), num_envs=2)
+        controller = example.ProcessAssist(env)
+        found = held_out.drive(env, controller, (1, 2))
+        monkeypatch.setattr(example.Program, "handle", lambda self: None)
+        with pytest.raises(ConnectionError):
+            example.ProcessAssist(env)
+        server.shutdown()
+        controller.lines.close()
+
+    class Own(ZeroAction):
+        def act(self, observation):
+            seen = observation * env.unwrapped.observation_scale
+            gain = np.where(seen[:, 7:8] < 3.0, 3.0, 0.15)  # speed [m/s]
+            return gain * seen[:, 2:3] / env.unwrapped.task.action.scale
+
+    np.testing.assert_array_equal(found.reward, held_out.drive(env, Own(env), (1, 2)).reward)
+    assert (found.reward != held_out.drive(env, ZeroAction(env), (1, 2)).reward).all()
     env.close()
 
 
