@@ -76,8 +76,8 @@ def run(args: argparse.Namespace) -> None:
     files.usable(args.out, frozenset({*known, database.name} if database.parent == args.out else known))
     car = car_options.load(args)
     chosen = args.parameters or problem.TUNED
-    law = options.friction(args, car).parameters
-    posed = problem.make(car, targets.load(args.targets), law, chosen, args.load, args.chassis)
+    args.friction = options.friction(args, car)
+    posed = problem.make(car, targets.load(args.targets), args.friction.parameters, chosen, args.load, args.chassis)
     storage.require_whole(args.out / storage.JOURNAL, lambda text: print(f"steer-env tune: {text}", file=sys.stderr))
     run = functools.partial(sweep.run, where=where, modules=args.modules)
     remote = where.cluster not in ("", sweep.where.LOCAL)
@@ -156,9 +156,8 @@ def _write(args: argparse.Namespace, posed: Any, outcome: Any, live: Any) -> Non
 
 def _words(args: argparse.Namespace, file: str, name: str) -> list[str]:
     """The command of the evaluation report of a car file."""
-    law = getattr(args.friction, "text", args.friction)
     modules = [word for module in args.modules for word in ("--import", module)]
-    words = ["--friction", law, "--vehicle", str(args.out / file), "--out", str(args.out / name)]
+    words = ["--friction", args.friction.text, "--vehicle", str(args.out / file), "--out", str(args.out / name)]
     return ["report", *modules, *words]
 
 

@@ -1,6 +1,7 @@
 """Tuning: a study that is shared, killed and resumed; what it does with bad input; what its sets show."""
 
 import json
+import shlex
 import subprocess
 import sys
 import time
@@ -10,10 +11,10 @@ import numpy as np
 import optuna
 import pytest
 
-from steer_env import manoeuvres, metrics, targets
+from steer_env import friction, manoeuvres, metrics, targets
 from steer_env.experiments.calibration import feasibility, problem, search, storage
 from steer_env.experiments.calibration.search import WorkerOf
-from steer_env.experiments.cli.main import main
+from steer_env.experiments.cli.main import main, parsed
 from steer_env.experiments.sweep import Where, run
 from steer_env.targets import Band
 from steer_env.vehicle import cars
@@ -306,7 +307,11 @@ def test_command(tmp_path, capfd):
     words = ["tune", "--budget", "2", "--workers", "1", "--out", str(tmp_path / "study")]
     assert main([*words, "--parameters", "boost_level", "return_gain"]) == 0
     first = json.loads((tmp_path / "study" / "tune.json").read_text(encoding="utf-8"))
-    assert capfd.readouterr().out.startswith(first["verdict"][0])
+    printed = capfd.readouterr().out
+    assert printed.startswith(first["verdict"][0])
+    for line in printed.splitlines()[-2:]:  # the reports of the car before and after
+        (law,) = parsed(shlex.split(line)[1:]).friction
+        assert law.parameters == friction.resolve("lugre@column_eps")
     assert not first["feasibility"]["reached"]
     assert len(first["sets"]) == 1
     car = cars.load(tmp_path / "study" / "best.toml")
