@@ -76,8 +76,8 @@ def run(args: argparse.Namespace) -> None:
     files.usable(args.out, frozenset({*known, database.name} if database.parent == args.out else known))
     car = car_options.load(args)
     chosen = args.parameters or problem.TUNED
-    args.friction = options.friction(args, car)
-    posed = problem.make(car, targets.load(args.targets), args.friction.parameters, chosen, args.load, args.chassis)
+    law = options.friction(args, car).parameters
+    posed = problem.make(car, targets.load(args.targets), law, chosen, args.load, args.chassis)
     storage.require_whole(args.out / storage.JOURNAL, lambda text: print(f"steer-env tune: {text}", file=sys.stderr))
     run = functools.partial(sweep.run, where=where, modules=args.modules)
     remote = where.cluster not in ("", sweep.where.LOCAL)
@@ -91,7 +91,7 @@ def run(args: argparse.Namespace) -> None:
         _write(args, posed, outcome, live)
     if args.report and outcome.best is not None:
         for name, file in (("before", "start.toml"), ("after", "best.toml")):
-            _report(args, file, name)
+            _report(args, car, file, name)
 
 
 @contextmanager
@@ -151,18 +151,19 @@ def _write(args: argparse.Namespace, posed: Any, outcome: Any, live: Any) -> Non
     print(args.out / "index.html")
     if outcome.best is not None and not args.report:
         for name, file in (("before", "start.toml"), ("after", "best.toml")):
-            print(shlex.join(["steer-env", *_words(args, file, name)]))
+            print(shlex.join(["steer-env", *_words(args, posed.car, file, name)]))
 
 
-def _words(args: argparse.Namespace, file: str, name: str) -> list[str]:
-    """The command of the evaluation report of a car file."""
+def _words(args: argparse.Namespace, car: Any, file: str, name: str) -> list[str]:
+    """The command of the evaluation report of a car file; without ``--friction``, the friction is that of ``car``."""
+    law = options.friction(args, car).text
     modules = [word for module in args.modules for word in ("--import", module)]
-    words = ["--friction", args.friction.text, "--vehicle", str(args.out / file), "--out", str(args.out / name)]
+    words = ["--friction", law, "--vehicle", str(args.out / file), "--out", str(args.out / name)]
     return ["report", *modules, *words]
 
 
-def _report(args: argparse.Namespace, file: str, name: str) -> None:
+def _report(args: argparse.Namespace, car: Any, file: str, name: str) -> None:
     from steer_env.experiments.cli.main import parsed
 
-    report = parsed(_words(args, file, name))
+    report = parsed(_words(args, car, file, name))
     report.function(report)

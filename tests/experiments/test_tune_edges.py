@@ -40,4 +40,5 @@ def test_a_database_in_the_folder_and_modules_of_ones_own(tmp_path):
     (tmp_path / "study.db").touch()
     with pytest.raises(ValueError, match="has no study that could be resumed"):
         tune.run(parsed([*words, "--resume"]))
-    assert tune._words(parsed(words), "best.toml", "after")[1:3] == ["--import", "json"]
+    told = tune._words(parsed(words), cars.load(), "best.toml", "after")
+    assert told[1:5] == ["--import", "json", "--friction", "lugre@column_eps"]
