@@ -104,27 +104,24 @@ def sentences(problem: Problem, found: Feasibility, units: Mapping[str, str], co
     if found.reached:
         return [f"Feasible: a set has every counted band in all conditions and keeps {margins} at all speeds."]
     kept = found.sets - found.constrained
+    tried = f"{found.sets} different sets of {confirmed} show" if found.sets > 1 else f"one set of {confirmed} shows"
+    among = f", {kept} of which keep the constraints" if 0 < kept < found.sets else ""
     said = [
-        f"Not feasible as far as {found.sets} different sets of {confirmed} show: none has every counted band in all "
-        f"conditions and keeps {margins}."
+        f"Not feasible as far as {tried}{among}: none has every counted band in all conditions and keeps {margins}."
     ]
     if found.nearest:
         each = "; ".join(told(*miss) for miss in found.nearest[:3])
         more = f", and {len(found.nearest) - 3} more" if len(found.nearest) > 3 else ""
-        said[0] = (
-            f"Not feasible as far as {found.sets} different sets of {confirmed} show: no set keeps the constraints."
-        )
+        said[0] = f"Not feasible as far as {tried}: no set keeps the constraints."
         said.append(f"The set that comes nearest misses {each}{more}.")
     for c in found.never:
         if not kept and c.unkept <= IN_BAND:
             continue  # it is reached, by sets that miss a constraint, as all do
         low, high = problem.bands[c.metric].good
         band = f"its band of {low:g} to {high:g} {unit(units[c.metric])}".rstrip()
-        none = f"in none of the {found.sets} sets in {band} in all conditions"
+        none = f"in no set in {band} in all conditions"
         if kept and c.unkept <= IN_BAND:
-            none = f"in no set in {band} in all conditions while the constraints are kept, as {kept} of {found.sets} do"
-        elif kept < found.sets:
-            none += f", of which {kept} keep the constraints" if kept else ", whatever constraints they miss"
+            none += " while the constraints are kept"
         where = f", outside at {'; '.join(c.conditions)}" if c.conditions else ""
         values = "refused in all conditions" if math.isnan(c.low) else f"{c.low:.3g} to {c.high:.3g}"
         said.append(f"The metric {label(c.metric)} is {none}: at best {values}{where}.")
