@@ -11,6 +11,7 @@ from steer_env.experiments.explore import parameters
 from steer_env.recording import read
 from steer_env.vehicle import cars, plant
 from steer_env.vehicle.chassis.common.interface import HAND, HAND_SPEED, INPUTS, TARGET_SPEED
+from tests.experiments.explore.browser import PATIENCE
 from tests.experiments.explore.chromium import Chromium, chromium_needed
 
 pytestmark = chromium_needed
@@ -18,6 +19,15 @@ ADDRESS = "law=lugre&chassis=two_track&A=law%3Dlugre%26chassis%3Dsingle_track%26
 KEEP = """(() => {
   globalThis.kept = [];
   steerDriven.worker.addEventListener("message", ({ data }) => { if (data.samples) kept.push(...data.samples); });
+})()"""
+# A drive stands where a busy machine comes too late; it then goes on, as by a driver's key.
+GO_ON = """(() => {
+  globalThis.late = 0;
+  steerDriven.worker.addEventListener("message", ({ data }) => {
+    if (data.stands !== "slow") return;
+    late += 1;
+    document.body.dispatchEvent(new KeyboardEvent("keydown", { key: "p", bubbles: true }));
+  });
 })()"""
 DRIVEN = "steerDriven.log.samples"
 
@@ -39,6 +49,7 @@ def begin(browser, page, address=ADDRESS):
     """Open the page and wait until a drive can begin."""
     browser.open(f"{page.as_uri()}#{address}")
     browser.until("typeof steerDriven === 'object' && steerDriven.ready")
+    browser.value(GO_ON)
 
 
 def hold(browser, name, seconds):
@@ -53,13 +64,13 @@ def columns(rows, names):
     return dict(zip(names, rows.reshape(-1, len(names)).T))
 
 
-def driven(browser, seconds=2.6):
+def driven(browser):
     """Steer to both sides and drive faster, and stand; the samples by the names of their columns."""
     browser.value(KEEP)
     browser.key("p")
-    browser.until(f"{DRIVEN} > 300")
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
+    end = time.monotonic() + PATIENCE
+    while browser.value(DRIVEN) < 2600:
+        assert time.monotonic() < end, browser.value("steerDriven.stands")
         hold(browser, "ArrowLeft", 0.3)
         browser.key("ArrowUp")
         hold(browser, "d", 0.45)
@@ -154,7 +165,9 @@ def test_a_hidden_page_stands_and_goes_on_without_skipping_a_sample(page, browse
     browser.key("p")
     browser.until(f"{DRIVEN} > {stood} + 100")
     found = columns(np.array(browser.value("kept")), browser.value("steerDriven.columns"))
-    assert np.flatnonzero(found["deadlines_missed"]).tolist() == [stood]
+    missed = np.flatnonzero(found["deadlines_missed"])
+    assert stood in missed
+    assert missed.size == 1 + browser.value("late")
     assert found["deadlines_missed"][stood] >= 300
     assert np.diff(found["x"]).max() < 1.01e-3 * 100.0 / 3.6  # the car went on where it stood
 
