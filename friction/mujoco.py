@@ -65,6 +65,8 @@ class JointFriction:
         self._model = model
         if not laws:
             raise ValueError("laws must name at least one joint, got none")
+        if not isinstance(laws, Mapping):
+            raise ValueError(f"laws must be a mapping of joints, got {laws!r}")
         self._dofs = np.array([self._dof(name) for name in laws])
         self._integrator()
         self.laws = {name: _law(name, law) for name, law in laws.items()}  # parameters by joint
@@ -96,9 +98,11 @@ class JointFriction:
         ValueError
             If the step is too long for a law whose torque falls with the speed.
         RuntimeError
-            If the equations of several joints do not agree, or a speed is not finite.
+            If the equations of several joints do not agree, a speed is not finite, or MuJoCo resets ``data``, which it
+            does where they are not finite or huge; :meth:`reset` then begins anew.
         """
         mj, model, dofs, h = self._mujoco, self._model, self._dofs, self._model.opt.timestep
+        begin, warned = data.time, self._resets(data)
         mj.mj_step1(model, data)
         own = data.qfrc_applied[dofs].copy()
         data.qfrc_applied[dofs] = own - self._T  # the constraints begin with the friction of the last step
@@ -119,8 +123,17 @@ class JointFriction:
             mj.mj_step2(model, data)
         finally:
             data.qfrc_applied[dofs] = own
+        if data.time <= begin or self._resets(data) > warned:
+            raise RuntimeError(f"MuJoCo has reset its data at {begin:g} s, as they were not finite or huge")
         for memory, trial in zip(self._memories, self._trials):
             memory[:] = trial
+
+    def _resets(self, data: Any) -> int:
+        """Number of warnings beside which MuJoCo resets its data."""
+        kinds = self._mujoco.mjtWarning
+        return sum(
+            data.warning[int(k)].number for k in (kinds.mjWARN_BADQPOS, kinds.mjWARN_BADQVEL, kinds.mjWARN_BADQACC)
+        )
 
     def _solve(self, A: NDArray, b: NDArray, h: float) -> None:
         """Speeds and torques with A w + T = b; the trial memories are those after the step."""

@@ -123,7 +123,10 @@ def _verify(args: argparse.Namespace) -> int:
     if others := traces.other_program(found["trace"]):
         raise ValueError(f"{file} was made by another program, whose episodes are others: {others}")
     name = result.controller["name"]
-    known = result.controller["kind"] == benchmark.BASELINE or name == SHIPPED
+    known = result.controller["kind"] == benchmark.BASELINE or (result.controller["kind"], name) == (
+        benchmark.POLICY,
+        SHIPPED,
+    )
     given = args.controllers or [name] * known
     who = _entry(given[0], result.suite) if given else None
     with progress("driving") as notify:

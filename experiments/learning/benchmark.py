@@ -15,11 +15,11 @@ Source of the interval: delta method for a ratio estimator, Cochran, Sampling Te
 """
 
 import json
-import math
 import re
 import secrets
 import sys
 import traceback
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
@@ -43,10 +43,10 @@ from steer_env.registration import DRIVEN, TUNED, id_of
 from steer_env.tasks.common.definition import COST_LIMIT
 
 TOLD = policy.SHIPPED_IN.with_name("controllers.toml")  # terms of the controllers that are not trained
-# Of which the seeds of a round are drawn, apart from the fixed ones of this package.
-SEEDS = range(1_000_000_000, 2_000_000_000)
+SEED_BITS = 128  # of the seeds of a round: of fewer, all can be tried against what an episode shows
 KINDS = BASELINE, POLICY, CLASS = "baseline", "policy", "class"  # of controllers
 KEYS = frozenset({"suite", "controller", "round", "score", "parts", "episodes", "trace", "sha256"})  # of a result
+LARGEST = 1e100  # of a number of a result, whose square is finite; assumed
 CONTROLLER, ZERO, REFERENCE = "controller", "zero", "reference"  # whose episodes a result holds
 
 Array = NDArray[np.float64]
@@ -127,8 +127,7 @@ def held_out_round(episodes: int) -> Round:
 
 def drawn_round(episodes: int) -> Round:
     """Secret seeds with a salt, from the random source of the operating system."""
-    draw = secrets.SystemRandom()
-    return Round(secrets.token_hex(32), tuple(sorted(draw.sample(SEEDS, episodes))))
+    return Round(secrets.token_hex(32), tuple(sorted(secrets.randbits(SEED_BITS) for _ in range(episodes))))
 
 
 def text_of_round(found: Round) -> str:
@@ -282,7 +281,7 @@ def _own(text: str, of: Suite) -> Entry:
     own = Own(path.stem, name, str(path.parent), str(path)) if path.is_file() else Own(place, name, str(Path.cwd()))
     made = own.found()
     digests = own_modules.digests([own.module])
-    about = (made.__doc__ or "not stated").strip().partition("\n")[0].rstrip(".")
+    about = str(made.__doc__ or "not stated").strip().partition("\n")[0].rstrip(".")
     terms = {"information": about, "tuning": str(getattr(made, "tuning", "not stated"))}
     make = replace(own, digests=tuple(digests.items()))
     return Entry(f"{own.module}:{name}", CLASS, dict.fromkeys(of.ids, make), terms, digests)
@@ -290,7 +289,10 @@ def _own(text: str, of: Suite) -> Entry:
 
 def _in_words(error: BaseException) -> str:
     """An exception of somebody else's code: its kind, what it says, and where it was raised."""
-    told = " ".join(str(error).split())
+    try:
+        told = " ".join(str(error).split())
+    except Exception:  # its own code may fail too
+        told = ""
     last = traceback.extract_tb(error.__traceback__)[-1]
     return f"{type(error).__name__}{told and f': {told}'} ({Path(last.filename).name}, line {last.lineno})"
 
@@ -324,7 +326,9 @@ class _Told:
     def _called(self, what: str, function: Callable[..., Any], *arguments: Any) -> Any:
         try:
             return function(*arguments)
-        except (Exception, SystemExit) as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # whatever its code does
             raise ValueError(f"{what} raised {_in_words(error)}") from error
 
     def reset(self, sub_environments: Any = slice(None)) -> None:
@@ -333,7 +337,7 @@ class _Told:
 
     def act(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
         """Actions (N, n) for observations (N, ...); ValueError for another shape, or what is no finite number."""
-        action = np.asarray(self._called("its act", self._controller.act, observation))
+        action = self._called("its act", lambda: np.asarray(self._controller.act(observation)))
         if action.shape != self._shape or action.dtype.kind not in "fiu":
             raise ValueError(f"its act must give numbers {self._shape}, got {action.dtype} {action.shape}")
         with np.errstate(over="ignore"):
@@ -483,7 +487,13 @@ def _loads(text: str) -> Any:
     def refuse(word: str) -> None:
         raise ValueError(f"{word} is no number of JSON")
 
-    return json.loads(text, parse_constant=refuse)
+    def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        if len(found := dict(pairs)) < len(pairs):
+            twice = next(key for key, count in Counter(key for key, _ in pairs).items() if count > 1)
+            raise ValueError(f"the key {twice!r} stands twice")
+        return found
+
+    return json.loads(text, parse_constant=refuse, object_pairs_hook=once)
 
 
 def _read(found: Any) -> tuple[dict[str, Any], Result]:
@@ -494,6 +504,11 @@ def _read(found: Any) -> tuple[dict[str, Any], Result]:
     if not isinstance(about, dict) or {key: type(value) for key, value in about.items()} != shape:
         raise ValueError(f"controller must hold {', '.join(shape)}, got {about!r}")
     one_of("kind of the controller", about["kind"], KINDS)
+    if about["kind"] == BASELINE:  # which is driven again by its name, so that a name must not be that of a file
+        one_of("the baseline", about["name"], of.baselines())
+    for each in (about["name"], *about["terms"].values(), *about["sha256"].values()):
+        if not isinstance(each, str) or not each.isprintable():
+            raise ValueError(f"what is said of the controller must be text that can be printed, got {each!r}")
     if not isinstance(seeds, dict):
         raise ValueError(f"round must be a mapping, got {seeds!r}")
     traces.check_program(found["trace"])
@@ -509,9 +524,14 @@ def _of_drive(name: str, raw: Any, n: int) -> dict[str, Episodes]:
     """The episodes of a drive: of the controller, where it enters, of zero action and of the reference."""
     if not isinstance(raw, dict) or not {ZERO, REFERENCE} <= set(raw) <= {CONTROLLER, ZERO, REFERENCE}:
         raise ValueError(f"episodes of {name} must be those of {CONTROLLER}, {ZERO} and {REFERENCE}")
-    return {
+    found = {
         whose: _episodes(f"{name}, {whose}", raw[whose], n) for whose in (CONTROLLER, ZERO, REFERENCE) if whose in raw
     }
+    if any(each.metrics.keys() != found[ZERO].metrics.keys() for each in found.values()):
+        raise ValueError(f"{name}: all episodes must have the same metrics")
+    if found[REFERENCE].reward.mean() == found[ZERO].reward.mean():
+        raise ValueError(f"{name}: zero action and the reference must not earn the same, as there is then no score")
+    return found
 
 
 def _episodes(name: str, raw: Any, n: int) -> Episodes:
@@ -520,8 +540,10 @@ def _episodes(name: str, raw: Any, n: int) -> Episodes:
 
     def column(key: str, values: Any, kind: type) -> Any:
         right = isinstance(values, list) and [*map(type, values)] == [kind] * n
-        if not right or not all(abs(x) < math.inf for x in values):
-            raise ValueError(f"{name}, {key}: expected {n} finite numbers of the type {kind.__name__}")
+        if not right or not all(abs(x) <= LARGEST for x in values):
+            raise ValueError(
+                f"{name}, {key}: expected {n} finite numbers of the type {kind.__name__}, up to {LARGEST:g}"
+            )
         return np.array(values)
 
     metrics = {key: column(key, values, float) for key, values in raw["metrics"].items()}

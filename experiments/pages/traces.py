@@ -23,6 +23,7 @@ _ELEMENT = re.compile(r'<script type="application/json" id="trace">(.*?)</script
 _DATE = re.compile(r"\d{4}-\d\d-\d\d(?:[T ]\d\d:\d\d(?::\d\d)?(?:\+00:00)?)?")
 _MEASURED = re.compile(r"<!-- measured -->.*?<!-- end of measured -->", re.DOTALL)  # durations, and the machine
 _DRAWN = re.compile(r"[0-9a-f]{8}-(?:[0-9a-f]{4}-){3}[0-9a-f]{12}")  # random names of plots in a page
+Place = tuple[str | int, ...]  # of a value: the keys of mappings and the positions in lists that lead to it
 SUFFIXES = (".json", ".html", *files.FORMATS)
 
 
@@ -76,8 +77,9 @@ def _check(path: str | os.PathLike[str], trace: Mapping[str, Any]) -> None:
 
 def check_program(found: Any) -> None:
     """ValueError for what is not the version, sources and packages of a trace without a command."""
-    packages = found.get("packages") if isinstance(found, dict) else None
-    texts = [found.get("version"), found.get("sources"), *packages.values()] if isinstance(packages, dict) else [None]
+    right = isinstance(found, dict) and set(found) == {"version", "sources", "packages"}
+    packages = found["packages"] if right else None
+    texts = [found["version"], found["sources"], *packages.values()] if isinstance(packages, dict) else [None]
     if not all(isinstance(text, str) for text in texts):
         raise ValueError(f"expected version, sources and packages of the program, got {found!r}")
 
@@ -89,7 +91,8 @@ def other_program(trace: Mapping[str, Any]) -> str:
     then = {f"package {name}": version for name, version in trace["packages"].items()}
     here = {"version": now["version"], "sources": now["sources"], **packages}
     before = {"version": trace["version"], "sources": trace["sources"], **then}
-    return "; ".join(f"{key} {before.get(key)} then, {here[key]} now" for key in here if before.get(key) != here[key])
+    others = [key for key in {**here, **before} if before.get(key) != here.get(key)]
+    return "; ".join(f"{key} {before.get(key)} then, {here.get(key)} now" for key in others)
 
 
 def _is_input(given: Any) -> bool:
@@ -119,8 +122,9 @@ def unequal(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
     return _unequal(dict(_values(one)), dict(_values(other)))
 
 
-def _unequal(a: Mapping[str, Any], b: Mapping[str, Any]) -> list[str]:
-    return [name for name in {**a, **b} if name not in a or name not in b or not _equal(a[name], b[name])]
+def _unequal(a: Mapping[Place, Any], b: Mapping[Place, Any]) -> list[str]:
+    places = [place for place in {**a, **b} if place not in a or place not in b or not _equal(a[place], b[place])]
+    return [".".join(map(str, place)) for place in places]
 
 
 def _page(path: str | os.PathLike[str]) -> str:
@@ -129,32 +133,28 @@ def _page(path: str | os.PathLike[str]) -> str:
     return _DRAWN.sub("", _DATE.sub("", text))
 
 
-def _values(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
+def _values(value: Any, place: Place = ()) -> Iterator[tuple[Place, Any]]:
     """The values of nested mappings and lists with their places."""
     if isinstance(value, Mapping | list) and value:
         for key, each in value.items() if isinstance(value, Mapping) else enumerate(value):
-            yield from _values(each, f"{name}.{key}" if name else str(key))
+            yield from _values(each, (*place, key))
     else:
-        yield name, value
+        yield place, value
 
 
-def _result(contents: Any, about_the_run: Collection[str]) -> dict[str, Any]:
+def _result(contents: Any, about_the_run: Collection[str]) -> dict[Place, Any]:
     """The values of a result file with their places, without what is about the run at its top."""
     if isinstance(contents, Mapping):
         contents = {key: value for key, value in contents.items() if key not in about_the_run}
     return dict(_values(contents))
 
 
-def _recorded(path: str | os.PathLike[str]) -> dict[str, Any]:
+def _recorded(path: str | os.PathLike[str]) -> dict[Place, Any]:
     """Time, channels, units and meta of a recording."""
     recording = files.read(path)
-    meta = {f"meta {name}": value for name, value in _result(recording.meta, {"trace"}).items()}
-    return {
-        "time": recording.time,
-        **recording.channels,
-        **{f"unit of {k}": v for k, v in recording.units.items()},
-        **meta,
-    }
+    said = {f"meta {name}": value for name, value in recording.meta.items() if name != "trace"}
+    units = {f"unit of {name}": unit for name, unit in recording.units.items()}
+    return dict(_values({"time": recording.time, **recording.channels, **units, **said}))
 
 
 def _equal(one: Any, other: Any) -> bool:

@@ -48,6 +48,17 @@ def test_coulomb_breaks_away_at_its_level():
         assert data.qfrc_applied[0] == load
 
 
+@pytest.mark.parametrize("before", [0, 5])
+def test_a_reset_by_mujoco_is_told(before):
+    """Of its data alone, so that the law would keep the motion of before."""
+    _, data, joints = made(rotor(), {"a": LUGRE})
+    for _ in range(before):
+        joints.step(data)
+    data.qfrc_applied[0] = 1e300
+    with pytest.raises(RuntimeError, match="MuJoCo has reset its data"):
+        joints.step(data)
+
+
 @pytest.mark.parametrize("integrator", ["Euler", "implicit", "implicitfast"])
 def test_one_joint_is_the_step_equation(integrator):
     """(I + h d)/h w + T = I v/h + u."""
