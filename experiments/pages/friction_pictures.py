@@ -130,7 +130,7 @@ def fitted_loops(shown: Shown, curves: Mapping[str, Array], titles: Mapping[str,
 
 def residuals(rows: Mapping[str, tuple[float, float, float]], repeats: float | None) -> str:
     """What each law leaves of the friction: value and ends of the interval [%], and how far the record repeats [%]."""
-    line = None if repeats is None else (repeats, "the record repeats so far")
+    line = (repeats, "the record repeats so far") if repeats else None
     return dots(rows, "RMS of what is left on the judging part, of the mean [%]", line, True, "residuals")
 
 

@@ -54,6 +54,12 @@ def test_a_record_that_does_not_repeat_has_no_repeatability():
     assert "repeats" not in friction_fit_page.verdict(found)
 
 
+def test_no_law_is_compared_with_a_record_that_repeats_exactly():
+    """As a simulated one may."""
+    found = friction_fit.collect(STROKES, "strokes", ["dahl"])
+    assert "repeats to 0 %" in page(found._replace(repeats=0.0)).replace("\u00a0", " ")
+
+
 def test_laws_are_judged_while_moving_and_rests_are_told_apart():
     """A law without memory says nothing at rest: Coulomb is judged on the motion, and has no number for the rests."""
     found = friction_fit.collect(RESTS, "rests", ["dahl", "coulomb"])
