@@ -33,8 +33,8 @@ class Records:
     """Noisy records of contacts with one friction law, whose level, displacement and time are drawn by the seed.
 
     Observations (N, 2, T) are the displacement [rad] and the torque [N m], which is NaN in the last P samples. The
-    action (N, P) is the torque there, without noise. The reward is the error of the prediction in decibels below the
-    torque itself, of both the RMS: 0 for a prediction of zero, and 20 dB more for a tenth of the error.
+    action (N, P) is the torque there, without noise. The reward is how many decibels the error of the prediction lies
+    below the torque itself, both RMS: 0 for a prediction of zero, and 20 dB more for a tenth of the error.
 
     Attributes
     ----------

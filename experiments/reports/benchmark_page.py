@@ -131,7 +131,7 @@ def settings(drive: Drive) -> str:
         return f"The best of {tuners.SETS} sets in an episode, in a context that is drawn for each seed."
     if drive.env_id == records.RECORD:
         return (
-            "The reward is the error of the predicted torque in decibels below the torque, of both the RMS; level, "
+            "The reward is how many decibels the error of the predicted torque lies below the torque, both RMS; level, "
             "displacement and time of the contact are drawn for each seed, by up to a factor of "
             f"{records.FACTOR:g}; noise {100 * records.NOISE:g} % of the level."
         )
