@@ -294,7 +294,8 @@ def _in_words(error: BaseException) -> str:
     except Exception:  # its own code may fail too
         told = ""
     last = traceback.extract_tb(error.__traceback__)[-1]
-    return f"{type(error).__name__}{told and f': {told}'} ({Path(last.filename).name}, line {last.lineno})"
+    place = "" if isinstance(error, SyntaxError) else f" ({Path(last.filename).name}, line {last.lineno})"
+    return f"{type(error).__name__}{told and f': {told}'}{place}"  # a syntax error says its place itself
 
 
 class Case(NamedTuple):
