@@ -99,7 +99,7 @@ class JointFriction:
             If the step is too long for a law whose torque falls with the speed.
         RuntimeError
             If the equations of several joints do not agree, a speed is not finite, or MuJoCo resets ``data``, which it
-            does where they are not finite or huge; :meth:`reset` then begins anew.
+            does where they are not finite, or huge; :meth:`reset` then begins anew.
         """
         mj, model, dofs, h = self._mujoco, self._model, self._dofs, self._model.opt.timestep
         begin, warned = data.time, self._resets(data)
@@ -124,7 +124,7 @@ class JointFriction:
         finally:
             data.qfrc_applied[dofs] = own
         if data.time <= begin or self._resets(data) > warned:
-            raise RuntimeError(f"MuJoCo has reset its data at {begin:g} s, as they were not finite or huge")
+            raise RuntimeError(f"MuJoCo has reset its data at {begin:g} s, as they were not finite, or huge")
         for memory, trial in zip(self._memories, self._trials):
             memory[:] = trial
 

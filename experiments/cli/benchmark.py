@@ -122,11 +122,8 @@ def _verify(args: argparse.Namespace) -> int:
     print(f"{file}: all that it says follows from its episodes; SHA-256 of its seeds {result.round.sha256}")
     if others := traces.other_program(found["trace"]):
         raise ValueError(f"{file} was made by another program, whose episodes are others: {others}")
-    name = result.controller["name"]
-    known = result.controller["kind"] == benchmark.BASELINE or (result.controller["kind"], name) == (
-        benchmark.POLICY,
-        SHIPPED,
-    )
+    kind, name = result.controller["kind"], result.controller["name"]
+    known = kind == benchmark.BASELINE or (kind == benchmark.POLICY and name == SHIPPED)
     given = args.controllers or [name] * known
     who = _entry(given[0], result.suite) if given else None
     with progress("driving") as notify:

@@ -508,7 +508,7 @@ def _read(found: Any) -> tuple[dict[str, Any], Result]:
     if about["kind"] == BASELINE:  # which is driven again by its name, so that a name must not be that of a file
         one_of("the baseline", about["name"], of.baselines())
     for each in (about["name"], *about["terms"].values(), *about["sha256"].values()):
-        if not isinstance(each, str) or not each.isprintable():
+        if not isinstance(each, str) or any("\ud800" <= letter <= "\udfff" for letter in each):
             raise ValueError(f"what is said of the controller must be text that can be printed, got {each!r}")
     if not isinstance(seeds, dict):
         raise ValueError(f"round must be a mapping, got {seeds!r}")

@@ -401,6 +401,13 @@ def test_a_file_that_is_no_result_is_refused_in_one_sentence(change, message, en
     assert told.count("\n") == 1
 
 
+def test_what_the_program_writes_of_a_class_it_also_reads(there, short):
+    """Its author's words may have tabs, and signs that are not printed."""
+    (there / "other.py").write_text(CODE.replace('"""Torsion-bar', '"""Of\t\u200btwo'), encoding="utf-8")
+    enter = ["benchmark", "other.py:MoreAssist", "--suite", "assists", "--episodes", "2", "--workers", "1"]
+    assert main([*enter, "--out", "out"]) == 0
+
+
 def test_a_drive_without_a_score_is_refused(entered, short):
     one = forged(entered, f"episodes/{RELEASE}/reference/reward", entered["episodes"][RELEASE]["zero"]["reward"])
     with pytest.raises(ValueError, match="must not earn the same"):
