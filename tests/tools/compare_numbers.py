@@ -2,7 +2,9 @@
 
 ``python compare_numbers.py record OUT.npz`` stores what a checkout computes: a fixed rollout of every environment id,
 with nominal and with drawn conditions, alone and as a vector environment that resets its sub-environments; every
-baseline assist and driver model; channels and metrics of every manoeuvre; and the outputs of exported FMUs.
+law of friction by itself and in the car, the friction of several sites, rack EPS, the limits of a motor and the
+functions of an assist, on both chassis; every baseline assist and driver model; channels and metrics of every
+manoeuvre; and the outputs of exported FMUs.
 ``python compare_numbers.py compare OLD.npz NEW.npz`` compares two such files; with ``--reports OLD.json NEW.json`` it
 also compares the ``metrics.json`` of two reports, except times. Run ``record`` in a checkout of each commit with that
 commit's packages installed: the script needs only gymnasium, ``steer_env`` and fmpy. The exit code is 1 if any number
@@ -38,7 +40,32 @@ DRAWS = {
 }  # of the conditions of every episode
 SUB_ENVIRONMENTS = 3
 EPISODE_STEPS = 90  # control steps after which the drawn episodes end, so that several of them are compared
-LAWS = ("lugre", "masing")  # of the manoeuvres
+LAWS = ("lugre", "masing", None)  # of the manoeuvres; None is the car's own friction
+CHASSIS = ("single_track", "two_track")
+WEAVE, ON_CENTRE = "steer_env/AssistWeave-v3", "steer_env/DriverOnCentre-v3"  # a robot turns; hands turn
+MIXES = (
+    "masing,efficiency=0.88@gear+coulomb,F_c=0.2@upper_column",
+    "lugre@rack+gms@motor+bouc_wen@lower_column",
+    "dahl@upper_column+stribeck@lower_column+elasto_plastic,efficiency=0.9@gear+masing_position@rack+viscous@motor",
+)  # of friction at sites
+MOTOR = {
+    "motor_speeds": [0.0, 115.0, 150.0, 400.0],
+    "motor_torques": [0.05, 0.05, 0.03, 0.0],
+    "motor_power": 0.5,
+    "motor_continuous": 0.02,
+    "motor_thermal_time": 5.0,
+}  # so small that a weave meets its limits
+FUNCTIONS = Path(__file__).parents[2] / "examples" / "assist_functions.toml"
+CARS: tuple[dict[str, Any], ...] = (
+    {},
+    *({"friction": friction} for friction in MIXES),
+    {"steering": "rack_eps"},
+    {"steering": "rack_eps", "friction": "masing@rack_eps"},
+    {"vehicle": {"base": "compact", "assist": MOTOR}},
+    {"vehicle": str(FUNCTIONS)},
+)
+CAR_STEPS = 200
+ROWS = 6  # of a vector environment: four side by side and two more
 FMUS = (("car", "lugre", 2), ("steering", "masing", 3))  # subsystem, law and version of FMI of the exported FMUs
 FMU_SECONDS = 2.0
 
@@ -83,11 +110,13 @@ def _rollout(name: str, arguments: dict[str, Any], steps: int) -> dict[str, np.n
     return {key: np.asarray(value) for key, value in arrays.items()}
 
 
-def _vector_rollout(name: str, arguments: dict[str, Any], steps: int) -> dict[str, np.ndarray]:
+def _vector_rollout(
+    name: str, arguments: dict[str, Any], steps: int, rows: int = SUB_ENVIRONMENTS
+) -> dict[str, np.ndarray]:
     """Observations, rewards, ends and infos of a vector environment that resets its sub-environments itself."""
-    env: Any = gym.make_vec(name, SUB_ENVIRONMENTS, "vector_entry_point", **arguments)
+    env: Any = gym.make_vec(name, rows, "vector_entry_point", **arguments)
     actions = np.random.default_rng(7)
-    observation, info = env.reset(seed=[3, 11, 29])
+    observation, info = env.reset(seed=[3, 11, 29, 31, 37, 41][:rows])
     observations, rewards, ends, infos = [observation.copy()], [], [], _numbers_in(info)
     for _ in range(steps):
         action = actions.uniform(-0.3, 0.3, env.action_space.shape).astype(np.float32)
@@ -122,6 +151,44 @@ def _draws(name: str) -> dict[str, Any]:
     speed = env.unwrapped.task.speed if env.unwrapped.task.draw_scenario is None else 0.0
     env.close()
     return {**DRAWS, "speed": (0.9 * speed, 1.1 * speed)} if speed else DRAWS
+
+
+def _friction() -> Iterator[tuple[str, dict[str, np.ndarray]]]:
+    """Every law under a random displacement, by itself, and every car of the list and law on both chassis."""
+    from steer_env import friction
+
+    walk = 0.02 * np.cumsum(np.random.default_rng(3).normal(size=2000))
+    for law in friction.available():
+        yield f"response {law}", {"torque": friction.response(friction.make(law), walk, 1e-3)}
+    for chassis in CHASSIS:
+        for arguments in (*CARS, *({"friction": law} for law in friction.available())):
+            words = " ".join(map(str, ("car", chassis, *(v for k, v in arguments.items() if k != "vehicle"))))
+            if "vehicle" in arguments:
+                words += " motor" if isinstance(arguments["vehicle"], dict) else " functions"
+            yield words, _channels(WEAVE, {**arguments, "chassis": chassis})
+            if "friction" not in arguments:
+                yield f"{words} hands", _channels(ON_CENTRE, {**arguments, "chassis": chassis})
+        for friction_of in (None, "lugre", "masing"):
+            draws = {"load": (0.0, 200.0), "friction_level": (0.7, 1.3)}
+            fours = {
+                "friction": friction_of,
+                "chassis": chassis,
+                "randomise": draws,
+                "max_episode_steps": EPISODE_STEPS,
+            }
+            yield f"rows {chassis} {friction_of}", _vector_rollout(WEAVE, fours, CAR_STEPS, ROWS)
+
+
+def _channels(name: str, arguments: dict[str, Any]) -> dict[str, np.ndarray]:
+    """Every number of the infos of a rollout."""
+    env: Any = gym.make(name, **arguments)
+    actions = np.random.default_rng(7)
+    _, info = env.reset(seed=11)
+    infos = [_numbers_in(info)]
+    for _ in range(CAR_STEPS):
+        infos.append(_numbers_in(env.step(actions.uniform(-0.5, 0.5, (1,)).astype(np.float32))[4]))
+    env.close()
+    return {"infos": np.asarray(infos)}
 
 
 def _manoeuvres() -> Iterator[tuple[str, dict[str, np.ndarray]]]:
@@ -211,7 +278,7 @@ def _subsystem(export: Any, subsystem: str) -> dict[str, str]:
 def record(out: Path) -> None:
     """Compute everything and store the arrays."""
     arrays: dict[str, np.ndarray] = {}
-    for parts in (_environments, _controllers, _manoeuvres, _exported_fmus):
+    for parts in (_friction, _environments, _controllers, _manoeuvres, _exported_fmus):
         for label, found in parts():
             print(label, sum(np.asarray(values).size for values in found.values()), file=sys.stderr)
             arrays |= {f"{label} {key}": value for key, value in found.items()}
