@@ -1,17 +1,19 @@
 PYTHON ?= python3
-PYTEST = .venv-test/bin/python -m pytest --numprocesses auto --dist worksteal
 SEED := $(shell date +%s)
+PYTEST = .venv-test/bin/python -m pytest --numprocesses auto --dist worksteal \
+	--hypothesis-profile=random --hypothesis-seed=$(SEED)
 
 # The tests start many processes, which would compile every module that they import.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: report test types test-whole test-all test-matrix test-integrations audit docs paper clean
+.PHONY: report test types test-whole test-all test-matrix test-integrations audit docs clean
 
 # The main job: the core packages alone, then the evaluation report in report/index.html.
 report: .venv/.stamp
 	.venv/bin/steer-env report --out report
 
 # What a contributor runs: core, test and training packages, the types, then everything but the tests marked `whole`.
+# The command that make prints has the random seed of the property tests.
 test: types
 	$(PYTEST) -m "not whole"
 
@@ -19,10 +21,9 @@ test: types
 types: .venv-test/.stamp
 	.venv-test/bin/python -m mypy
 
-# The other tests, and all property tests with a random seed, which is printed.
+# The other tests.
 test-whole: .venv-test/.stamp
-	@echo "property tests with --hypothesis-seed=$(SEED)"
-	$(PYTEST) -m "whole or hypothesis" --hypothesis-profile=random --hypothesis-seed=$(SEED)
+	$(PYTEST) -m whole
 
 # The whole suite.
 test-all: test test-whole
@@ -42,10 +43,6 @@ audit: .venv-test/.stamp
 # The site of the documentation in build/docs/index.html; plain Python draws its few pictures sooner than it compiles.
 docs: .venv-docs/.stamp
 	NUMBA_DISABLE_JIT=1 .venv-docs/bin/python -m tests.maintain site
-
-# Tables and pictures of docs/paper.md, and the paper as a page to print in build/paper/index.html; some ten minutes.
-paper: .venv-test/.stamp
-	.venv-test/bin/python -m tests.maintain paper
 
 .venv/.stamp: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
@@ -71,4 +68,4 @@ paper: .venv-test/.stamp
 	touch $@
 
 clean:
-	rm -rf .venv .venv-test .venv-integrations .venv-docs build/docs build/docs-kept build/docs-sources build/docs-drawn build/paper build/paper-sources report
+	rm -rf .venv .venv-test .venv-integrations .venv-docs build/docs build/docs-kept build/docs-sources build/docs-drawn report

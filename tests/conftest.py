@@ -27,9 +27,9 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 # Tests run side by side and change the program that they test: commands start no workers unless they are asked to.
 os.environ.setdefault("STEER_ENV_WORKERS", "1")
 
-# The same examples at every run: a failure is a change of the code, not a throw of the dice.
+# The same examples wherever tests run by themselves; `make test` draws others, by a seed that it prints.
 settings.register_profile("suite", derandomize=True, deadline=None)
-settings.register_profile("random", deadline=None, print_blob=True)  # `make test-all`, with a seed that it prints
+settings.register_profile("random", deadline=None, print_blob=True)
 settings.load_profile("suite")
 
 

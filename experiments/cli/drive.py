@@ -56,7 +56,6 @@ def add(parser: argparse.ArgumentParser) -> None:
     options.add(parser, "--seconds", "after which the drive ends", otherwise="when you end it")
     options.add(parser, "--torque-limit", default=TORQUE)
     options.add(parser, "--wheel")
-    options.add_telemetry(parser)
     text = "torque only while the dead-man key is held (space, or a button of the device)"
     parser.add_argument("--dead-man", action="store_true", help=text)
     options.add(parser, "--priority", default=0, otherwise="that of every program")
@@ -73,7 +72,6 @@ def run(args: argparse.Namespace) -> None:
     from steer_env.live.devices.common.window_input import WindowInput
     from steer_env.live.drive.session import DriveError, Options, Session
     from steer_env.live.real_time import Limits
-    from steer_env.live.telemetry import Telemetry
 
     signalled = _signals()
     seconds = number("--seconds", args.seconds, minimum=0.1, maximum=86400.0) if args.seconds is not None else None
@@ -96,7 +94,7 @@ def run(args: argparse.Namespace) -> None:
     if signalled:  # while a kernel was compiled, where Python drops what a handler raises
         raise KeyboardInterrupt
     try:
-        with session, Telemetry(session.sample, outsim=args.outsim, outgauge=args.outgauge):
+        with session:
             print(f"driving with {device.about}; recording {session.path}; Ctrl-C ends it", flush=True)
             _until_end(session, window, seconds, args.commands)
     except KeyboardInterrupt:  # how a drive ends

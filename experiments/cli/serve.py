@@ -16,7 +16,7 @@ from steer_env.experiments.pages import car_options
 GROUP = "couple"
 
 # As in steer_env.connect.udp, whose import takes long.
-FORMATS = ("text", "json", "c", "ros2-in", "ros2-out")
+FORMATS = ("text", "json", "c")
 LOOPBACK = "127.0.0.1"
 SILENCE = 10.0  # [s]
 
@@ -37,10 +37,9 @@ def add(parser: argparse.ArgumentParser) -> None:
     options.add(parser, "--torque-limit", ", only with --free-running", otherwise=f"{TORQUE:g}")
     options.add(parser, "--wheel", "; only with --free-running")
     options.add(parser, "--priority", ", only with --free-running", 0, otherwise="that of every program")
-    options.add_telemetry(parser)
     text = f"seconds without a packet after which a session ends (default: {SILENCE:.0f})"
     parser.add_argument("--silence", metavar="S", type=options.real, default=SILENCE, help=text)
-    text = "print the layout of the packets and end; c is a header file, ros2-in and ros2-out are ROS 2 messages (.msg)"
+    text = "print the layout of the packets and end; c is a header file"
     parser.add_argument("--describe", nargs="?", choices=FORMATS, const="text", help=text)
     text = "print JSON: one line at the start, one with the counts at the end"
     parser.add_argument("--json", action="store_true", help=text)
@@ -52,13 +51,8 @@ def run(args: argparse.Namespace) -> None:
     from steer_env.connect.udp.server import MEANINGS
     from steer_env.friction.numerics.check import number
     from steer_env.live.real_time import Limits, haptics
-    from steer_env.live.telemetry import Telemetry
     from steer_env.vehicle import subsystems
 
-    receivers = {"outsim": args.outsim, "outgauge": args.outgauge}
-    if args.subsystem == "steering" and any(receivers.values()):
-        given = ", ".join(f"--{name}" for name, address in receivers.items() if address)
-        raise ValueError(f"{given}: the steering alone does not move: serve the car or the chassis")
     silence = number("--silence", args.silence, minimum=0.0, above=True, maximum=1e6)
     speed = args.speed_kph * KPH
     robot = args.hands == "angle"
@@ -83,7 +77,7 @@ def run(args: argparse.Namespace) -> None:
         subsystem, args.address, args.port, silence, mode=mode, limits=limits, priority=args.priority
     )
     try:
-        with server, Telemetry(server.shown, **receivers):
+        with server:
             _announce(args, server, found)
             server.wait()
     except KeyboardInterrupt:  # how a server ends

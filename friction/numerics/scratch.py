@@ -1,4 +1,4 @@
-"""Memory of a kernel for as long as it runs, on the stack: kernels own no arrays, and firmware has no heap."""
+"""Memory of a kernel for as long as it runs, on the stack: kernels own no arrays."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Real time: the loop with its limits and watchdog, devices to steer with, the drive at the wheel, and telemetry."""
+"""Real time: the loop with its limits and watchdog, devices to steer with, and the drive at the wheel."""
 
 import lazy_loader
 

@@ -1,3 +1,3 @@
-from . import devices, drive, real_time, telemetry
+from . import devices, drive, real_time
 
-__all__ = ["devices", "drive", "real_time", "telemetry"]
+__all__ = ["devices", "drive", "real_time"]

@@ -311,5 +311,5 @@ def test_what_lasts_and_does_not_resume_says_why():
     told = {words for words, made in COMMANDS.items() if made.epilog == UNKEPT}
     assert told == {(name,) for name in BRIEF}
     others = {words for words in COMMANDS if words not in _options("--resume") and words not in told}
-    brief = {("drive",), ("evaluate",), ("export-object",), ("rerun",), ("serve",)}
+    brief = {("drive",), ("evaluate",), ("rerun",), ("serve",)}
     assert {words for words in others if words[0] not in ("policy", "study")} == brief

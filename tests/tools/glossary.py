@@ -176,7 +176,7 @@ observations of the environment that gave it.
   that gave the state; otherwise `set_state` raises an error that names what differs. What is drawn or set for an
   episode (speed, load, parameters of the law) comes with the state. Ranges of `randomise`, `weights`, `normalise`, the
   time limit and the autoreset mode stay those of the environment that takes it. `State.version` is that of the format:
-  [public_interface.md](public_interface.md) says how long it lives.
+  a state of another version is refused, so store seeds and actions for longer.
 - **What a planner knows.** Wind, road surface and path are drawn at the reset, so a copy foresees them, and with the
   generator the sensors' noise too. After `get_state(include_rng=False)` each copy draws its later noise, and its next
   episodes, from its own generator. `examples/plan_by_cross_entropy.py` plans this way.

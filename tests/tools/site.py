@@ -83,10 +83,8 @@ DOORS = {
         "docs/traces.md",
         "docs/validation.md",
         "docs/compatibility.md",
-        "docs/public_interface.md",
     ),
     "Project": (
-        "Draft of a paper <docs/paper>",
         "CHANGELOG.md",
         "CONTRIBUTING.md",
         "docs/releasing.md",
@@ -191,29 +189,6 @@ def build(out: Path, options: Iterable[str] = ("--fail-on-warning", "--keep-goin
     if drawing.wait() == 0:
         shutil.copytree(drawn, out, dirs_exist_ok=True)
     return code or drawing.returncode
-
-
-def single(page: Path, out: Path) -> int:
-    """Build a page by itself into ``out``, for a printer: its pictures are beside it, links elsewhere are their text.
-
-    Returns
-    -------
-    int
-        The exit code.
-    """
-    from sphinx.cmd.build import main
-
-    sources = out.with_name(f"{out.name}-sources")
-    for folder in (sources, out):
-        shutil.rmtree(folder, ignore_errors=True)
-    sources.mkdir(parents=True)
-    text = page.read_text(encoding="utf-8")
-    for picture in re.findall(r"!\[[^]]*\]\(([^)]+)\)", text):
-        shutil.copy(page.parent / picture, sources)
-    text = re.sub(r"(?<!!)\[([^]^]+)\]\((?!https?:)[^)]+\)", r"\1", text)
-    (sources / "index.md").write_text(text, encoding="utf-8")
-    places = map(str, ("--conf-dir", CONFIGURATION, "--doctree-dir", sources / "kept", sources, out))
-    return main(["--fail-on-warning", "--quiet", "--define", "html_theme=basic", *places])
 
 
 if __name__ == "__main__":

@@ -28,6 +28,30 @@ from tests.tools import glossary
 ROOT = Path(__file__).resolve().parents[2]
 GALLERY = sorted((ROOT / "examples" / "gallery").glob("*.py"))
 Pages = dict[str, str]  # place in the site -> text
+# The modules whose names are public: those of `__all__`, of the others those without an underscore.
+PUBLIC = (
+    "steer_env",
+    "steer_env.friction",
+    "steer_env.vehicle",
+    "steer_env.vehicle.tyre",
+    "steer_env.vehicle.suspension",
+    "steer_env.vehicle.chassis",
+    "steer_env.manoeuvres",
+    "steer_env.metrics",
+    "steer_env.recording",
+    "steer_env.tasks",
+    "steer_env.drivers",
+    "steer_env.assists",
+    "steer_env.tuning",
+    "steer_env.testing",
+    "steer_env.connect.fmu",
+    "steer_env.connect.udp",
+    "steer_env.connect.external",
+    "steer_env.live.real_time",
+    "steer_env.live.devices",
+    "steer_env.targets",
+    "steer_env.sb3",
+)
 WHOLE = ("steer_env.targets", "steer_env.sb3")  # public modules without `__all__`
 HISTORY = HISTORIES["growing_sine"]  # through which every law is drawn
 LONG = 4  # numbers that a cell of a table shows
@@ -224,23 +248,10 @@ def _parsers(words: str, made: argparse.ArgumentParser) -> Iterator[tuple[str, a
         yield words, made
 
 
-def public_modules() -> list[str]:
-    """The modules whose names docs/public_interface.md calls public."""
-    text = (ROOT / "docs" / "public_interface.md").read_text(encoding="utf-8")
-    row = re.search(r"^\| Python names \|([^|]*)\|", text, re.MULTILINE)
-    assert row is not None
-    found, parent = [], ""
-    for name in re.findall(r"`(\.?[a-z][\w.]*)`", row[1]):
-        if not name.startswith("."):  # the others are beside the last one that is named in full
-            parent = name.rpartition(".")[0]
-        found.append(parent + name if name.startswith(".") else name)
-    return found
-
-
 def api() -> Pages:
     """A page for every public module: the docstring of each public name."""
     pages: Pages = {}
-    for name in public_modules():
+    for name in PUBLIC:
         parts = [f"# {name}\n", "```{eval-rst}"]
         if name in WHOLE:
             parts += [f".. automodule:: {name}", "   :members:"]
@@ -250,7 +261,7 @@ def api() -> Pages:
             parts += [line for key in module.__all__ for line in _directive(name, key, getattr(module, key))]
         pages[f"api/{name}.md"] = "\n".join([*parts, "```", ""])
     text = "The public names by package, from their docstrings. "
-    text += "[What is public](../docs/public_interface.md) says how long they live."
+    text += "[CONTRIBUTING](../CONTRIBUTING.md#what-is-public) says what else is public."
     pages["api/index.md"] = contents("Python names", text, pages)
     return pages
 

@@ -36,7 +36,6 @@ __all__ = [
     "add_out",
     "add_page",
     "add_plant",
-    "add_telemetry",
     "chassis",
     "external_vehicle",
     "figures",
@@ -115,16 +114,6 @@ def _wheel(text: str) -> tuple[float, float, float]:
     return inertia, damping, 1e-3 * delay
 
 
-def _receiver(text: str) -> tuple[str, int]:
-    """Where telemetry goes."""
-    from steer_env.live.telemetry import receiver
-
-    try:
-        return receiver(text)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
-
-
 class _Declaration(NamedTuple):
     """What an option is in every command that has it."""
 
@@ -144,12 +133,6 @@ OPTIONS = {
     "--hands": _Declaration("what the hands give", "GIVEN"),
     "--live": _Declaration("also write a page with sliders (explore) into live of --out, and link to it", ""),
     "--manoeuvre": _Declaration(f"the test: {', '.join(names.manoeuvres())}", "TEST"),
-    "--outgauge": _Declaration("as --outsim, OutGauge: speed, gear and pedals", "[HOST:]PORT", _receiver),
-    "--outsim": _Declaration(
-        "send the motion of the car to a program on this machine, as OutSim of Live for Speed (docs/driving.md)",
-        "[HOST:]PORT",
-        _receiver,
-    ),
     "--parameters": _Declaration("parameters that are varied", "NAME"),
     "--subsystem": _Declaration("the whole car, its steering or its chassis", "NAME"),
     "--priority": _Declaration("priority of the loop, 1 to 99 of the scheduler SCHED_FIFO", "N", whole_number(1, 99)),
@@ -285,12 +268,6 @@ def add_plant(parser: argparse.ArgumentParser, speed: str, hands: str) -> None:
     add(parser, "--speed-kph", speed, 100.0)
     add(parser, "--road-friction", default=1.0)
     add(parser, "--hands", hands, "torque", choices=("torque", "angle"))
-
-
-def add_telemetry(parser: argparse.ArgumentParser) -> None:
-    """Add the options that say where telemetry goes."""
-    for name in ("--outsim", "--outgauge"):
-        add(parser, name)
 
 
 def add_noticed(parser: argparse.ArgumentParser) -> None:

@@ -23,7 +23,7 @@ from steer_env.live.real_time.safety import PHASES
 from steer_env.vehicle.subsystems import Signal
 
 PLACES = {name: i for i, name in enumerate(PHASES)}  # of the phases of the watchdog
-FORMATS = ("text", "json", "c", "ros2-in", "ros2-out")
+FORMATS = ("text", "json", "c")
 _C_TYPES = {"<u2": "uint16_t", "<u4": "uint32_t", "<u8": "uint64_t", "<i8": "int64_t", "<f8": "double"}
 _WORDS = {"<u2": "uint16", "<u4": "uint32", "<u8": "uint64", "<i8": "int64", "<f8": "float64"}
 
@@ -35,9 +35,8 @@ def describe(layout: Layout, form: str = "text") -> str:
     ----------
     layout : Layout
         From :func:`steer_env.connect.udp.layout_of`.
-    form : {"text", "json", "c", "ros2-in", "ros2-out"}
-        ``"c"`` is a header file with the structures, all numbers and the checksum; the last two are the text of a ROS 2
-        message (``.msg``) of the inputs or the outputs.
+    form : {"text", "json", "c"}
+        ``"c"`` is a header file with the structures, all numbers and the checksum.
 
     Raises
     ------
@@ -45,8 +44,7 @@ def describe(layout: Layout, form: str = "text") -> str:
         For another form.
     """
     one_of("form", form, FORMATS)
-    made = {"text": _text, "json": _json, "c": _c, "ros2-in": _ros_inputs, "ros2-out": _ros_outputs}
-    return made[form](layout)
+    return {"text": _text, "json": _json, "c": _c}[form](layout)
 
 
 def _data(layout: Layout) -> dict[str, Any]:
@@ -138,22 +136,6 @@ def _text(layout: Layout) -> str:
     lines += ["", "Reasons, in the field code of a refusal"]
     lines += [f"{number:6d}  {name:10s} {text}" for number, (name, text) in enumerate(REASONS.items(), 1)]
     return "\n".join(lines) + "\n"
-
-
-def _message(layout: Layout, what: str, signals: Iterable[Signal]) -> str:
-    """A message of ROS 2 with a number for each signal."""
-    entries = [(f"float64 {s.name}", f"# {s.description} [{s.unit}]") for s in signals]
-    width = max(len(field) for field, _ in entries)
-    lines = [f"# {what} of the subsystem {layout.subsystem} of steer-env in SI units, left positive."]
-    return "\n".join([*lines, *(f"{field:{width}s}  {comment}" for field, comment in entries)]) + "\n"
-
-
-def _ros_inputs(layout: Layout) -> str:
-    return _message(layout, "Inputs", layout.inputs)
-
-
-def _ros_outputs(layout: Layout) -> str:
-    return _message(layout, "Outputs", (Signal("time", "s", "simulation time"), *layout.outputs))
 
 
 _CHECKSUM = """

@@ -10,7 +10,7 @@ from numba import types
 from numpy.typing import NDArray
 
 from steer_env.connect.udp import session
-from steer_env.connect.udp.packets import HEADER_SIZE, MODES, layout_of, unpacked
+from steer_env.connect.udp.packets import MODES, layout_of
 from steer_env.connect.udp.session import (
     NOTHING,
     REFUSAL,
@@ -219,18 +219,6 @@ class Server(Worker):
             super().__exit__(kind, error, trace)
         finally:
             self._socket.close()
-
-    def shown(self) -> tuple[float, dict[str, float]] | None:
-        """Time [s] and outputs of the last answer by their names, for telemetry.
-
-        None before the first answer, and while one is made.
-        """
-        packet = self._link.sent.tobytes()
-        header = unpacked(packet)
-        if header is None:
-            return None
-        values = np.frombuffer(packet, "<f8", offset=HEADER_SIZE).tolist()
-        return header["time"], dict(zip((signal.name for signal in self.layout.outputs), values))
 
     def counts(self) -> dict[str, int]:
         """What happened so far, by name."""

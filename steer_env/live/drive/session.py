@@ -440,12 +440,6 @@ class Session:
             self._lateness, self._looked = lateness, now
         return self._late
 
-    def sample(self) -> tuple[float, dict[str, float]]:
-        """Time [s] and channels of the last sample by their names, with the person's pedals, for telemetry."""
-        now, outputs = self._mail.sample()
-        pedals = (0.0, 0.0) if self._reading is None else (self._reading.throttle, self._reading.brake)
-        return now, {**dict(zip(CHANNEL, outputs.tolist())), **dict(zip(("throttle", "brake_pedal"), pedals))}
-
     def shown(self) -> Shown:
         """The present moment, for one thread."""
         _, phase, outputs = self._mail.get()

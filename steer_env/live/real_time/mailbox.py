@@ -21,7 +21,6 @@ from steer_env.live.real_time.loop import NEVER, PERIOD, register
 from steer_env.live.real_time.model import subsystem_of
 from steer_env.live.real_time.safety import FAILED, PHASES
 from steer_env.live.real_time.system import fence
-from steer_env.vehicle.steering.eps import SAMPLE_TIME
 from steer_env.vehicle.subsystems import Subsystem
 
 # Time without a sample behind which the loop counts as dead [ns]. A loop that goes on after so long a pause begins with
@@ -179,11 +178,6 @@ class Mailboxes:
             return 0.0, PHASES[FAILED], values[2:]
         torque = float(values[0]) if self._clock() - written <= LIFELESS else 0.0
         return torque, PHASES[int(values[1])], values[2:]
-
-    def sample(self) -> tuple[float, NDArray[np.float64]]:
-        """The time of the last sample since the begin [s], and its outputs (C,)."""
-        number, values, _ = self._last()
-        return SAMPLE_TIME * number, values[2:]
 
     def _last(self) -> tuple[int, NDArray[np.float64], int | None]:
         """Number, contents and time [ns] of the last sample; None where the loop has ended amid it."""

@@ -3,7 +3,6 @@
 import math
 import os
 import random
-import re
 import struct
 import subprocess
 import sys
@@ -305,20 +304,6 @@ def test_plain_python_gives_the_same_bytes(served):
     assert done.stdout.split() == [fresh.send(fresh.request(*call)).hex() for call in calls], done.stderr
 
 
-@pytest.mark.parametrize(
-    ("form", "signals", "first"), [("ros2-in", "inputs", "hand_torque"), ("ros2-out", "outputs", "time")]
-)
-def test_messages_for_ros_have_every_value_with_its_unit(served, form, signals, first):
-    """As rosidl reads a message: type, name of lowercase words, comment."""
-    lines = [line for line in cosimulation.describe(served.layout, form).splitlines() if not line.startswith("#")]
-    found = [re.fullmatch(r"float64 ([a-z](?:_?[a-z0-9])*) +# .* \[(.+)\]", line) for line in lines]
-    assert None not in found
-    expected = [(signal.name, signal.unit) for signal in getattr(served.layout, signals)]
-    told = [(each[1], each[2]) for each in found]
-    assert told[0][0] == first
-    assert told == ([("time", "s")] if form == "ros2-out" else []) + expected
-
-
 def test_description_has_every_field_value_kind_and_reason(served):
     text = cosimulation.describe(served.layout)
     named = [
@@ -331,6 +316,6 @@ def test_description_has_every_field_value_kind_and_reason(served):
     ]
     for name in named:
         assert f" {name}" in text
-    with pytest.raises(ValueError, match="form must be one of text, json, c, ros2-in, ros2-out, got 'xml'"):
+    with pytest.raises(ValueError, match="form must be one of text, json, c, got 'xml'"):
         cosimulation.describe(served.layout, "xml")
     assert max(served.layout.request_size, served.layout.answer_size) < packets.LARGEST
