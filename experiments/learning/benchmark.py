@@ -496,7 +496,7 @@ def _read_estimate(said: Mapping[str, Any]) -> Estimate:
 
 def _by_seed(said: Mapping[str, Any]) -> dict[tuple[str, str, int], list[float]]:
     """Drive, whose and seed of every episode of a result -> its numbers."""
-    found = {}
+    found: dict[tuple[str, str, int], list[float]] = {}
     for name, each in said["episodes"].items():
         for whose, raw in each.items():
             sums = [raw[key] for key in ("reward", "cost", "failure")]
