@@ -1,4 +1,4 @@
-"""The benchmark: the score of a controller in a suite of ids, and a result file that can be checked.
+"""The benchmark: the score of a controller in a suite of ids, and a result file that can be repeated.
 
 The score in a drive, an id with or without a friction law that is not the car's, is what a controller gains over zero
 action, as a share of what the reference of the drive gains,
@@ -16,10 +16,8 @@ Source of the interval: delta method for a ratio estimator, Cochran, Sampling Te
 
 import json
 import re
-import secrets
 import sys
 import traceback
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
@@ -35,7 +33,7 @@ from steer_env.experiments.learning import held_out, policy, records, tuners
 from steer_env.experiments.learning.constants import HELD_OUT, SHIPPED, SUITES
 from steer_env.experiments.learning.controllers import SIMPLE, Maker, baselines
 from steer_env.experiments.learning.held_out import Controller, Episodes, Estimate
-from steer_env.experiments.pages import own_modules, provenance, traces
+from steer_env.experiments.pages import own_modules, provenance
 from steer_env.experiments.sweep import Runner, run
 from steer_env.friction.numerics import toml
 from steer_env.friction.numerics.check import one_of, whole
@@ -43,10 +41,8 @@ from steer_env.registration import DRIVEN, TUNED, id_of
 from steer_env.tasks.common.definition import COST_LIMIT
 
 TOLD = policy.SHIPPED_IN.with_name("controllers.toml")  # terms of the controllers that are not trained
-SEED_BITS = 128  # of the seeds of a round: of fewer, all can be tried against what an episode shows
 KINDS = BASELINE, POLICY, CLASS = "baseline", "policy", "class"  # of controllers
-KEYS = frozenset({"suite", "controller", "round", "score", "parts", "episodes", "trace", "sha256"})  # of a result
-LARGEST = 1e100  # of a number of a result, whose square is finite; assumed
+KEYS = "suite", "controller", "seeds", "score", "parts", "episodes", "trace"  # of a result file
 CONTROLLER, ZERO, REFERENCE = "controller", "zero", "reference"  # whose episodes a result holds
 
 Array = NDArray[np.float64]
@@ -108,46 +104,9 @@ def suite(name: str) -> Suite:
     return Suite(name, {drive.name: drive for drive in drives})
 
 
-class Round(NamedTuple):
-    """The seeds that all entries of a round have; the salt hides them behind the hash that is published first."""
-
-    salt: str
-    seeds: tuple[int, ...]
-
-    @property
-    def sha256(self) -> str:
-        """Hash of salt and seeds, as JSON with sorted keys, which is that of its file."""
-        return provenance.digest(self._asdict())
-
-
-def held_out_round(episodes: int) -> Round:
-    """The seeds of every evaluation of this package, which are known to all."""
-    return Round("", tuple(range(HELD_OUT, HELD_OUT + episodes)))
-
-
-def drawn_round(episodes: int) -> Round:
-    """Secret seeds with a salt, from the random source of the operating system."""
-    return Round(secrets.token_hex(32), tuple(sorted(secrets.randbits(SEED_BITS) for _ in range(episodes))))
-
-
-def text_of_round(found: Round) -> str:
-    """The text of a round's file, whose SHA-256 is that of the round."""
-    return json.dumps(found._asdict(), sort_keys=True)
-
-
-def read_round(path: Path) -> Round:
-    """A round from its file; ValueError for a file that is none."""
-    found: Round = toml.parsed(path, toml.text(path), lambda text: _round(_loads(text)))
-    return found
-
-
-def _round(found: Any) -> Round:
-    if not isinstance(found, dict) or set(found) != set(Round._fields) or not isinstance(found["salt"], str):
-        raise ValueError("expected the text 'salt' and the list 'seeds' of a round, and nothing else")
-    seeds = found["seeds"]
-    if not isinstance(seeds, list) or len(seeds) < 2 or len({*map(repr, seeds)}) < len(seeds):
-        raise ValueError("seeds must be at least two different whole numbers")
-    return Round(found["salt"], tuple(whole("a seed", seed, 0) for seed in seeds))
+def held_out_seeds(episodes: int) -> tuple[int, ...]:
+    """The seeds of every evaluation of this package."""
+    return tuple(range(HELD_OUT, HELD_OUT + episodes))
 
 
 class Entry(NamedTuple):
@@ -354,14 +313,14 @@ class Result(NamedTuple):
 
     suite: Suite
     controller: Mapping[str, Any]  # of :meth:`Entry.about`
-    round: Round
+    seeds: tuple[int, ...]
     episodes: Mapping[str, Mapping[str, Episodes]]  # drive -> whose -> episodes; no own ones where it does not enter
 
 
 def enter(
     entries: Sequence[Entry],
     of: Suite,
-    seeds: Round,
+    seeds: Sequence[int],
     notify: Callable[[float, str], None] = lambda *_: None,
     sweep: Runner = run,
 ) -> list[Result]:
@@ -373,7 +332,7 @@ def enter(
         entered = [each for each in entries if drive.env_id in each.makers]
         makers = {(each.kind, each.name): each.makers[drive.env_id] for each in entered}
         makers |= {(BASELINE, name): drive.baselines[name] for name in ("zero", drive.reference)}
-        cases |= {(drive.name, *who): Case(who[1], drive, make, seeds.seeds) for who, make in makers.items()}
+        cases |= {(drive.name, *who): Case(who[1], drive, make, tuple(seeds)) for who, make in makers.items()}
     every = sweep(driven, cases.values(), notify=notify, words=lambda case: f"{case.drive.name} {case.label}")
     found = dict(zip(cases, every))
 
@@ -383,7 +342,7 @@ def enter(
         return {whose: found[key] for whose, key in (own | who).items()}
 
     return [
-        Result(of, each.about(), seeds, {name: episodes(each, drive) for name, drive in of.drives.items()})
+        Result(of, each.about(), tuple(seeds), {name: episodes(each, drive) for name, drive in of.drives.items()})
         for each in entries
     ]
 
@@ -434,20 +393,32 @@ def parts(result: Result) -> dict[str, Part]:
     return made
 
 
-def document(result: Result, trace: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """A result as JSON, with all that follows from its raw episodes and the trace of the program that drove them."""
-    said = {
-        "suite": result.suite.name,
-        "controller": dict(result.controller),
-        "round": {"salt": result.round.salt, "seeds": [*result.round.seeds], "sha256": result.round.sha256},
-        "score": _estimate(score(result)),
-        "parts": {name: _part(part) for name, part in parts(result).items()},
-        "episodes": {
-            name: {whose: _raw(each) for whose, each in found.items()} for name, found in result.episodes.items()
-        },
-        "trace": dict(provenance.trace() if trace is None else trace),
+class Scored(NamedTuple):
+    """What a result file says of an entry, but for its episodes."""
+
+    suite: Suite
+    controller: Mapping[str, Any]  # of :meth:`Entry.about`
+    seeds: tuple[int, ...]
+    score: Estimate
+    parts: Mapping[str, Part]  # by drive
+
+
+def document(result: Result) -> dict[str, Any]:
+    """A result as JSON: scores, raw episodes, and the trace of the program that drove them."""
+    found = Scored(result.suite, result.controller, result.seeds, score(result), parts(result))
+    episodes = {name: {whose: _raw(each) for whose, each in own.items()} for name, own in result.episodes.items()}
+    return {**summarised(found), "episodes": episodes, "trace": provenance.trace()}
+
+
+def summarised(found: Scored) -> dict[str, Any]:
+    """What a result file says of an entry, but for its episodes, as JSON."""
+    return {
+        "suite": found.suite.name,
+        "controller": dict(found.controller),
+        "seeds": [*found.seeds],
+        "score": _estimate(found.score),
+        "parts": {name: _part(part) for name, part in found.parts.items()},
     }
-    return {**said, "sha256": provenance.digest(said)}
 
 
 def _estimate(e: Estimate) -> dict[str, Any]:
@@ -455,11 +426,14 @@ def _estimate(e: Estimate) -> dict[str, Any]:
 
 
 def _part(part: Part) -> dict[str, Any]:
-    said = {"reference": part.reference, "span": _estimate(part.span), "score": _estimate(part.score)}
-    if not part.summary:
-        return said
-    means = {name: _estimate(part.summary[name]) for name in ("reward", "cost")}
-    return {**said, **means, "failed": part.failed, "beyond_cost_limit": part.beyond_limit}
+    return {
+        "reference": part.reference,
+        "span": _estimate(part.span),
+        "score": _estimate(part.score),
+        "summary": {name: _estimate(each) for name, each in part.summary.items()},
+        "failed": part.failed,
+        "beyond_cost_limit": part.beyond_limit,
+    }
 
 
 def _raw(found: Episodes) -> dict[str, Any]:
@@ -478,97 +452,66 @@ def name_of(result: Result) -> str:
     return f"{result.suite.name}-{result.controller['kind']}-{name}.json"
 
 
-def read(path: Path) -> tuple[dict[str, Any], Result]:
-    """A result file, and what its raw episodes are; ValueError for a file that is none, with the reason."""
-    found: tuple[dict[str, Any], Result] = toml.parsed(path, toml.text(path), lambda text: _read(_loads(text)))
+def read(path: Path) -> dict[str, Any]:
+    """The contents of a result file; ValueError for a file that is none, with the reason."""
+    found: dict[str, Any] = toml.read(path, lambda text: _checked(json.loads(text)))
     return found
 
 
-def _loads(text: str) -> Any:
-    def refuse(word: str) -> None:
-        raise ValueError(f"{word} is no number of JSON")
-
-    def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        if len(found := dict(pairs)) < len(pairs):
-            twice = next(key for key, count in Counter(key for key, _ in pairs).items() if count > 1)
-            raise ValueError(f"the key {twice!r} stands twice")
-        return found
-
-    return json.loads(text, parse_constant=refuse, object_pairs_hook=once)
-
-
-def _read(found: Any) -> tuple[dict[str, Any], Result]:
-    if not isinstance(found, dict) or set(found) != KEYS:
-        raise ValueError("is no result of 'steer-env benchmark'")
-    of, about, seeds = suite(found["suite"]), found["controller"], found["round"]
-    shape = {"name": str, "kind": str, "terms": dict, "sha256": dict}
-    if not isinstance(about, dict) or {key: type(value) for key, value in about.items()} != shape:
-        raise ValueError(f"controller must hold {', '.join(shape)}, got {about!r}")
-    one_of("kind of the controller", about["kind"], KINDS)
-    if about["kind"] == BASELINE:  # which is driven again by its name, so that a name must not be that of a file
-        one_of("the baseline", about["name"], of.baselines())
-    for each in (about["name"], *about["terms"].values(), *about["sha256"].values()):
-        if not isinstance(each, str) or any("\ud800" <= letter <= "\udfff" for letter in each):
-            raise ValueError(f"what is said of the controller must be text that can be printed, got {each!r}")
-    if not isinstance(seeds, dict):
-        raise ValueError(f"round must be a mapping, got {seeds!r}")
-    traces.check_program(found["trace"])
-    drawn = _round({key: value for key, value in seeds.items() if key != "sha256"})
-    raw = found["episodes"]
-    if not isinstance(raw, dict) or set(raw) != set(of.drives):
-        raise ValueError(f"its ids are not those of the suite {of.name} here: {', '.join(of.drives)}")
-    episodes = {name: _of_drive(name, raw[name], len(drawn.seeds)) for name in of.drives}
-    return found, Result(of, about, drawn, episodes)
+def _checked(said: Any) -> dict[str, Any]:
+    if not isinstance(said, dict) or set(said) != set(KEYS):
+        raise ValueError(f"is no result of 'steer-env benchmark', which holds {', '.join(KEYS)}")
+    try:
+        of = scored(said).suite
+        there = set(_by_seed(said))
+    except (AttributeError, KeyError, TypeError) as error:
+        raise ValueError(f"is no result as 'steer-env benchmark' writes it: {error!r}") from None
+    wanted = {(name, whose, seed) for name in of.drives for whose in (ZERO, REFERENCE) for seed in said["seeds"]}
+    if set(said["parts"]) != set(of.drives) or not wanted <= there:
+        raise ValueError(f"its episodes are not those of the suite {of.name} here, in {', '.join(of.drives)}")
+    return said
 
 
-def _of_drive(name: str, raw: Any, n: int) -> dict[str, Episodes]:
-    """The episodes of a drive: of the controller, where it enters, of zero action and of the reference."""
-    if not isinstance(raw, dict) or not {ZERO, REFERENCE} <= set(raw) <= {CONTROLLER, ZERO, REFERENCE}:
-        raise ValueError(f"episodes of {name} must be those of {CONTROLLER}, {ZERO} and {REFERENCE}")
-    found = {
-        whose: _episodes(f"{name}, {whose}", raw[whose], n) for whose in (CONTROLLER, ZERO, REFERENCE) if whose in raw
+def scored(said: Mapping[str, Any]) -> Scored:
+    """Scores and terms of an entry, of what its result file says."""
+    of, seeds = suite(said["suite"]), tuple(whole("a seed", seed, 0) for seed in said["seeds"])
+    kinds = {"name": str, "kind": str, "terms": dict, "sha256": dict}
+    about = {key: kind(said["controller"][key]) for key, kind in kinds.items()}
+    made = {
+        name: Part(
+            part["reference"],
+            _read_estimate(part["span"]),
+            _read_estimate(part["score"]),
+            {key: _read_estimate(each) for key, each in part["summary"].items()},
+            part["failed"],
+        )
+        for name, part in said["parts"].items()
     }
-    if any(each.metrics.keys() != found[ZERO].metrics.keys() for each in found.values()):
-        raise ValueError(f"{name}: all episodes must have the same metrics")
-    if found[REFERENCE].reward.mean() == found[ZERO].reward.mean():
-        raise ValueError(f"{name}: zero action and the reference must not earn the same, as there is then no score")
+    return Scored(of, about, seeds, _read_estimate(said["score"]), made)
+
+
+def _read_estimate(said: Mapping[str, Any]) -> Estimate:
+    return Estimate(*map(float, (said["value"], *said["ci"])))
+
+
+def _by_seed(said: Mapping[str, Any]) -> dict[tuple[str, str, int], list[float]]:
+    """Drive, whose and seed of every episode of a result -> its numbers."""
+    found: dict[tuple[str, str, int], list[float]] = {}
+    for name, each in said["episodes"].items():
+        for whose, raw in each.items():
+            sums = [raw[key] for key in ("reward", "cost", "failure")]
+            columns = [*sums, *(raw["metrics"][key] for key in sorted(raw["metrics"]))]
+            found |= {(name, whose, seed): numbers for seed, *numbers in zip(said["seeds"], *columns)}
     return found
-
-
-def _episodes(name: str, raw: Any, n: int) -> Episodes:
-    if not isinstance(raw, dict) or set(raw) != set(Episodes._fields) or not isinstance(raw["metrics"], dict):
-        raise ValueError(f"{name}: expected {', '.join(Episodes._fields)}")
-
-    def column(key: str, values: Any, kind: type) -> Any:
-        right = isinstance(values, list) and [*map(type, values)] == [kind] * n
-        if not right or not all(abs(x) <= LARGEST for x in values):
-            raise ValueError(
-                f"{name}, {key}: expected {n} finite numbers of the type {kind.__name__}, up to {LARGEST:g}"
-            )
-        return np.array(values)
-
-    metrics = {key: column(key, values, float) for key, values in raw["metrics"].items()}
-    sums = {key: column(key, raw[key], kind) for key, kind in (("reward", float), ("cost", float), ("failure", int))}
-    return Episodes(**sums, metrics=metrics)
-
-
-def derived(found: Mapping[str, Any], result: Result) -> list[str]:
-    """Fields of a result file that do not follow from its raw episodes."""
-    return traces.unequal(found, document(result, found["trace"]))
 
 
 def again(
-    result: Result,
-    who: Entry | None = None,
+    said: Mapping[str, Any],
+    who: Entry,
     notify: Callable[[float, str], None] = lambda *_: None,
     sweep: Runner = run,
-) -> list[str]:
-    """Fields of a result that are others when its episodes are driven again.
-
-    Without its controller these are the episodes of zero action and of the references, and what follows from them.
-    """
-    (found,) = enter([who or Entry("", "", {}, {}, {})], result.suite, result.round, notify, sweep)
-    if who is None:
-        own = {name: {**result.episodes[name], **each} for name, each in found.episodes.items()}
-        found = found._replace(controller=result.controller, episodes=own)
-    return traces.unequal(document(result), document(found))
+) -> dict[tuple[str, str, int], bool]:
+    """Drive a result once more, with a controller that is given: drive, whose and seed -> whether it is the same."""
+    (found,) = enter([who], suite(said["suite"]), said["seeds"], notify, sweep)
+    then, now = _by_seed(said), _by_seed(document(found))
+    return {episode: then.get(episode) == now.get(episode) for episode in {**then, **now}}

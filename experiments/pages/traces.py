@@ -75,15 +75,6 @@ def _check(path: str | os.PathLike[str], trace: Mapping[str, Any]) -> None:
             raise ValueError(f"{path}: its trace holds no {key} as this program writes it, got {trace.get(key)!r}")
 
 
-def check_program(found: Any) -> None:
-    """ValueError for what is not the version, sources and packages of a trace without a command."""
-    right = isinstance(found, dict) and set(found) == {"version", "sources", "packages"}
-    packages = found["packages"] if right else None
-    texts = [found["version"], found["sources"], *packages.values()] if isinstance(packages, dict) else [None]
-    if not all(isinstance(text, str) for text in texts):
-        raise ValueError(f"expected version, sources and packages of the program, got {found!r}")
-
-
 def other_program(trace: Mapping[str, Any]) -> str:
     """In what this program is another than the one that a trace tells, in words; empty if in nothing."""
     now = provenance.trace()
@@ -114,15 +105,6 @@ def differences(one: str | os.PathLike[str], other: str | os.PathLike[str]) -> l
         a, b = (_result(toml.read(path, json.loads), _ABOUT_THE_RUN) for path in (one, other))
     else:
         a, b = _recorded(one), _recorded(other)
-    return _unequal(a, b)
-
-
-def unequal(one: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
-    """The places in which two mappings, with the mappings and lists in them, do not hold the same, to the bit."""
-    return _unequal(dict(_values(one)), dict(_values(other)))
-
-
-def _unequal(a: Mapping[Place, Any], b: Mapping[Place, Any]) -> list[str]:
     places = [place for place in {**a, **b} if place not in a or place not in b or not _equal(a[place], b[place])]
     return [".".join(map(str, place)) for place in places]
 

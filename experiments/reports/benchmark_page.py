@@ -1,4 +1,4 @@
-"""The table of the benchmark: every result file of a folder, scored anew from its raw episodes."""
+"""The table of the benchmark: the scores of every result file of a folder."""
 
 import re
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ import gymnasium as gym
 from steer_env import tasks
 from steer_env.environments import default_speed
 from steer_env.experiments.learning import benchmark, policy_report, records, tuners
-from steer_env.experiments.learning.benchmark import KINDS, Drive, Part, Result
+from steer_env.experiments.learning.benchmark import KINDS, Drive, Part, Scored, Suite
 from steer_env.experiments.learning.constants import SUITES
 from steer_env.experiments.learning.held_out import Estimate
 from steer_env.experiments.pages import provenance
@@ -37,81 +37,79 @@ class Table(NamedTuple):
 class Standing(NamedTuple):
     """All entries of a suite on the same seeds, the best one first."""
 
-    results: list[Result]
-    scores: list[Estimate]
-    parts: list[dict[str, Part]]
+    entries: list[Scored]
 
     @property
-    def suite(self) -> str:
-        """Name of the suite."""
-        return self.results[0].suite.name
+    def suite(self) -> Suite:
+        """The suite."""
+        return self.entries[0].suite
+
+    @property
+    def seeds(self) -> tuple[int, ...]:
+        """The seeds."""
+        return self.entries[0].seeds
 
     @property
     def names(self) -> list[str]:
         """Names of the entries."""
-        return [label(result.controller["name"]) for result in self.results]
+        return [label(entry.controller["name"]) for entry in self.entries]
 
     def picture(self) -> object:
         """Scores with their intervals."""
-        return dots(dict(zip(self.names, self.scores)), "score", (1.0, "references"), name=f"scores-{self.suite}")
+        scores = [entry.score for entry in self.entries]
+        return dots(dict(zip(self.names, scores)), "score", (1.0, "references"), name=f"scores-{self.suite.name}")
 
     def summary(self) -> Table:
         """The score of every entry, and of its parts."""
-        drives = self.results[0].suite.drives
+        drives = self.suite.drives
         rows = [
-            (name, spread(score), *(_marked(parts[drive]) for drive in drives))
-            for name, score, parts in zip(self.names, self.scores, self.parts)
+            (name, spread(entry.score), *(_marked(entry.parts[drive]) for drive in drives))
+            for name, entry in zip(self.names, self.entries)
         ]
-        return Table(f"Scores in the suite {self.suite}", ("entry", "score", *map(short, drives.values())), rows)
+        return Table(f"Scores in the suite {self.suite.name}", ("entry", "score", *map(short, drives.values())), rows)
 
     def terms(self) -> Table:
         """On which terms every entry acts, and with what budget it was tuned."""
         rows = [
-            (name, *(result.controller["terms"].get(key, NONE) for key in TERMS))
-            for name, result in zip(self.names, self.results)
+            (name, *(entry.controller["terms"].get(key, NONE) for key in TERMS))
+            for name, entry in zip(self.names, self.entries)
         ]
-        return Table(f"Terms of the entries in {self.suite}", ("entry", *TERMS), rows, text=True)
+        return Table(f"Terms of the entries in {self.suite.name}", ("entry", *TERMS), rows, text=True)
 
     def of_drive(self, drive: Drive) -> Table:
         """Score, reward, cost, failures and the metric that the task is judged by, of every entry in a drive."""
-        some = self.results[0].episodes[drive.name][benchmark.ZERO]
+        parts = [(name, entry.parts[drive.name]) for name, entry in zip(self.names, self.entries)]
+        entered = [(name, part) for name, part in parts if part.summary]
         aims, units = [], {}
         if drive.env_id in DRIVEN:
-            aims = [policy_report.aim(some.metrics)]
+            aims = [policy_report.aim({key for _, part in entered for key in part.summary})]
             units = {metric.name: unit(metric.unit) for metric in tasks.task(_task(drive)).metrics}
         rows = [
             (
                 name,
                 _marked(part),
                 *(spread(part.summary[key]) for key in ("reward", "cost")),
-                f"{part.failed} of {some.reward.size}",
+                f"{part.failed} of {len(self.seeds)}",
                 *(spread(part.summary[aim]) for aim in aims),
             )
-            for name, part in sorted(
-                ((name, parts[drive.name]) for name, parts in zip(self.names, self.parts) if parts[drive.name].summary),
-                key=lambda row: -row[1].score.value,
-            )
+            for name, part in sorted(entered, key=lambda row: -row[1].score.value)
         ]
-        part = self.parts[0][drive.name]
+        part = parts[0][1]
         caption = f"{drive.name}: Score 1 is {label(part.reference)}, {spread(part.span)} of reward above zero action"
         shown = [f"{label(aim)} [{units[aim]}]" if units.get(aim) else label(aim) for aim in aims]
         return Table(caption, ("entry", "score", "reward", "cost", "failed", *shown), rows, settings(drive))
 
     def tables(self) -> list[Table]:
         """All tables."""
-        return [self.summary(), self.terms(), *map(self.of_drive, self.results[0].suite.drives.values())]
+        return [self.summary(), self.terms(), *map(self.of_drive, self.suite.drives.values())]
 
 
-def standings(results: Sequence[Result]) -> list[Standing]:
-    """Results by suite and seeds, in the order of the suites."""
-    groups: dict[tuple[str, str], list[Result]] = {}
-    for result in sorted(results, key=lambda each: [*SUITES].index(each.suite.name)):
-        groups.setdefault((result.suite.name, result.round.sha256), []).append(result)
-    found = []
-    for group in groups.values():
-        ranked = sorted(group, key=lambda each: -benchmark.score(each).value)
-        found.append(Standing(ranked, [*map(benchmark.score, ranked)], [*map(benchmark.parts, ranked)]))
-    return found
+def standings(entries: Sequence[Scored]) -> list[Standing]:
+    """Entries by suite and seeds, in the order of the suites."""
+    groups: dict[tuple[str, tuple[int, ...]], list[Scored]] = {}
+    for entry in sorted(entries, key=lambda each: [*SUITES].index(each.suite.name)):
+        groups.setdefault((entry.suite.name, entry.seeds), []).append(entry)
+    return [Standing(sorted(group, key=lambda each: -each.score.value)) for group in groups.values()]
 
 
 def _task(drive: Drive) -> str:
@@ -157,10 +155,10 @@ def _marked(part: Part) -> str:
     return spread(part.score) + (f" {MARK}" if part.beyond_limit else "")
 
 
-def read(folder: Path) -> list[Result]:
-    """The results of a folder, by the names of their files; ValueError for a file that is none."""
+def read(folder: Path) -> list[Scored]:
+    """The entries of a folder, by the names of their files; ValueError for a file that is none."""
     paths = sorted(path for suite in SUITES for kind in KINDS for path in folder.glob(f"{suite}-{kind}-*.json"))
-    return [benchmark.read(path)[1] for path in paths]
+    return [benchmark.scored(benchmark.read(path)) for path in paths]
 
 
 def write(folder: Path) -> Path:

@@ -1,7 +1,7 @@
 """Active return: a torque towards the centre that fades when the driver holds the handwheel.
 
 The law is that of the plant's own active return (E11), :mod:`steer_env.vehicle.steering.assist.active_return`, at the
-control step instead of every millisecond. docs/scores.md tells what it changes in each task.
+control step instead of every millisecond. The scores of docs/benchmark.md tell what it changes in each task.
 
 Where the environment tells a wanted return (AssistRelease), angle and speed are those beyond it, so that the handwheel
 follows it, and the release is known: nothing fades with the grip. An integral of the angle then takes up what friction

@@ -1,4 +1,4 @@
-"""The benchmark: what a score is, result files that anybody can check, the table, and the tutorial's controller."""
+"""The benchmark: what a score is, result files that anybody can repeat, the table, and the tutorial's controller."""
 
 import copy
 import hashlib
@@ -14,11 +14,11 @@ import pytest
 from steer_env import assists, drivers, friction
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.learning import benchmark, held_out, policy, records, tuners
-from steer_env.experiments.learning.benchmark import CONTROLLER, REFERENCE, ZERO, Result, Round
+from steer_env.experiments.learning.benchmark import CONTROLLER, REFERENCE, ZERO, Result
 from steer_env.experiments.learning.constants import SUITES
 from steer_env.experiments.learning.controllers import ZeroAction
 from steer_env.experiments.learning.held_out import Episodes
-from steer_env.experiments.pages import own_modules, provenance
+from steer_env.experiments.pages import own_modules
 from steer_env.experiments.reports import benchmark_page
 from steer_env.friction.numerics import toml
 from steer_env.registration import DRIVEN, id_of
@@ -70,7 +70,7 @@ def result_of(*found):
     of = whole._replace(drives=dict(list(whole.drives.items())[: len(found)]))
     n = found[0][ZERO].reward.size
     about = {"name": "own", "kind": "class", "terms": {}, "sha256": {}}
-    return Result(of, about, Round("salt", tuple(range(n))), dict(zip(of.drives, found)))
+    return Result(of, about, tuple(range(n)), dict(zip(of.drives, found)))
 
 
 def test_zero_action_scores_0_and_the_reference_1_without_an_interval():
@@ -116,15 +116,15 @@ def test_a_drive_has_its_law_and_one_policy_enters_all_drives_of_its_id(monkeypa
     assert set(shipped.makers) == set(of.ids) == {id_of("DriverOnCentre"), id_of("AssistWeave")}
     monkeypatch.setitem(SUITES, "friction", {f"AssistRelease {law}": "damping" for law in ("coulomb", "viscous")})
     of = benchmark.suite("friction")
-    (result,) = benchmark.enter([benchmark.entry("damping", of)], of, benchmark.held_out_round(2))
+    (result,) = benchmark.enter([benchmark.entry("damping", of)], of, benchmark.held_out_seeds(2))
     for name, law in zip(of.drives, ("coulomb", "viscous")):
         env = gym.make_vec(RELEASE, num_envs=2, friction=law)
-        alone = held_out.drive(env, assists.make("damping", env), benchmark.held_out_round(2).seeds)
+        alone = held_out.drive(env, assists.make("damping", env), benchmark.held_out_seeds(2))
         env.close()
         assert name == f"{RELEASE} {law}"
         assert result.episodes[name][CONTROLLER].reward.tolist() == alone.reward.tolist()
     assert len({each[ZERO].reward[0] for each in result.episodes.values()}) == 2
-    assert scores.thresholds(benchmark_page.standings([result])) == {}
+    assert scores.thresholds([benchmark.scored(benchmark.document(result))]) == {}
 
 
 def test_a_tuner_is_worth_its_best_set_and_a_search_comes_near_the_own_assist():
@@ -174,13 +174,13 @@ def test_contacts_of_one_seed_are_others_with_another_law():
 
 
 @pytest.mark.whole
-def test_a_tuner_is_entered_and_checked(there, monkeypatch, capsys):
+def test_a_tuner_is_entered_and_repeated(there, monkeypatch, capsys):
     monkeypatch.setitem(SUITES, "tuners", {"TuneOnCentre": "own_assist"})
     assert main(["benchmark", "gauss_newton", "--suite", "tuners", "--episodes", "2", "--out", "out"]) == 0
     file = there / "out" / "tuners-baseline-gauss_newton.json"
     assert 0.5 < json.loads(file.read_text())["score"]["value"] < 1.5
     assert main(["benchmark", "--verify", str(file), "--workers", "2"]) == 0
-    assert "all episodes are equal to the bit" in capsys.readouterr().out
+    assert "driven again, all 6 episodes are the same" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("law", [law for name in SUITES["identification"] for law in name.split()[1:]])
@@ -230,7 +230,7 @@ def test_who_identifies_friction_enters_as_any_controller(there, monkeypatch, ca
     value = json.loads((there / "out" / "identification-class-other-Level.json").read_text())["score"]["value"]
     assert 0.0 < value < 0.5
     assert main(["benchmark", "other.py:Level", "--verify", "out/identification-class-other-Level.json"]) == 0
-    assert "all episodes are equal to the bit" in capsys.readouterr().out
+    assert "driven again, all 6 episodes are the same" in capsys.readouterr().out
     assert "friction record, masing" in (there / "out" / "index.html").read_text(encoding="utf-8").lower()
 
 
@@ -245,7 +245,7 @@ def test_every_baseline_states_its_terms():
     assert lqg.terms["tuning"] == "1920 episodes in 4 of 6 ids"
 
 
-def test_the_controller_of_the_tutorial_is_entered_and_checked(there, short, capsys):
+def test_the_controller_of_the_tutorial_is_entered_and_repeated(there, short, capsys):
     """By the commands of the page, in two episodes of one id; the same file to the bit, also on two workers."""
     assert len(CODE.splitlines()) <= 20
     commands = re.findall(r"^steer-env (benchmark my_assist.py:MoreAssist .*)$", TUTORIAL, flags=re.MULTILINE)[:2]
@@ -255,7 +255,7 @@ def test_the_controller_of_the_tutorial_is_entered_and_checked(there, short, cap
     said = capsys.readouterr().out
     assert re.match(rf"benchmark/{NAME}: score -?−?[\d.]+ ± ", said)
     assert main(verify) == 0
-    assert "all episodes are equal to the bit" in capsys.readouterr().out
+    assert "driven again, all 6 episodes are the same" in capsys.readouterr().out
     assert main([*enter, "--episodes", "2", "--workers", "2", "--out", "again"]) == 0
     assert (there / "again" / NAME).read_bytes() == first
     page = (there / "benchmark" / "index.html").read_text(encoding="utf-8")
@@ -269,102 +269,58 @@ def entered(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(SUITES, "assists", {"AssistRelease": "active_return"})
         of = benchmark.suite("assists")
-        (result,) = benchmark.enter([benchmark.entry("damping", of)], of, benchmark.held_out_round(2))
+        (result,) = benchmark.enter([benchmark.entry("damping", of)], of, benchmark.held_out_seeds(2))
         return json.loads(benchmark.text_of(benchmark.document(result)))
 
 
-# What is forged -> the value that it gets, and a field that is named.
-FORGED = {
-    f"episodes/{RELEASE}/controller/reward/0": (99.0, f"parts.{RELEASE}.reward.value"),
-    f"episodes/{RELEASE}/zero/reward/1": (-99.0, "score.value"),
-    f"episodes/{RELEASE}/reference/reward/1": (99.0, f"parts.{RELEASE}.span.value"),
-    f"episodes/{RELEASE}/controller/cost/0": (0.0, f"parts.{RELEASE}.cost.value"),
-    f"episodes/{RELEASE}/controller/failure/1": (3, f"parts.{RELEASE}.failed"),
-    f"episodes/{RELEASE}/controller/metrics/rms_feel_error/0": (0.0, "sha256"),
-    f"parts/{RELEASE}/score/ci/0": (0.9, f"parts.{RELEASE}.score.ci.0"),
-    f"parts/{RELEASE}/reference": ("lqg", f"parts.{RELEASE}.reference"),
-    f"parts/{RELEASE}/beyond_cost_limit": (None, f"parts.{RELEASE}.beyond_cost_limit"),
-    "score/value": (1.5, "score.value"),
-    "score/ci/1": (1.5, "score.ci.1"),
-    "controller/name": ("lqg", "sha256"),
-    "controller/terms": ({"tuning": "none"}, "sha256"),
-    "round/salt": ("other", "round.sha256"),
-    "round/seeds/0": (7, "round.sha256"),
-    "round/sha256": ("0" * 64, "round.sha256"),
-    "trace/sources": ("0" * 16, "sha256"),
-    "sha256": ("0" * 64, "sha256"),
-    "score/ci.0": (9.0, "score.ci.0"),
-    f"parts/{RELEASE}.score.value": (9.0, f"parts.{RELEASE}.score.value"),
-}
-
-
-def forged(entered, place, value):
+def changed(entered, place, value):
     """A copy of a result file with another value at a place."""
     found = copy.deepcopy(entered)
-    *way, last = re.split(r"/(?!Assist)", place)
+    *way, last = place
     inner = found
     for key in way:
-        inner = inner[int(key) if isinstance(inner, list) else key]
-    inner[int(last) if isinstance(inner, list) else last] = value
+        inner = inner[key]
+    inner[last] = value
     return found
 
 
-@pytest.mark.parametrize("place", FORGED)
-def test_a_forged_field_is_named(place, entered, short, tmp_path, capsys):
-    value, named = FORGED[place]
-    path = tmp_path / "forged.json"
-    path.write_text(json.dumps(forged(entered, place, value)))
-    found, result = benchmark.read(path)
-    fields = benchmark.derived(found, result)
-    assert named in fields
-    assert main(["benchmark", "--verify", str(path)]) == 1
-    assert "do not follow from its episodes" in capsys.readouterr().out
+def written(path, found):
+    """The path of a file with this result."""
+    path.write_text(benchmark.text_of(found), encoding="utf-8")
+    return str(path)
 
 
-# What is forged with all that follows from it -> a field that is another when the episodes are driven again.
-MADE_TO_FIT = {
-    f"episodes/{RELEASE}/controller/reward/0": (99.0, f"episodes.{RELEASE}.controller.reward.0"),
-    f"episodes/{RELEASE}/zero/cost/0": (7.0, f"episodes.{RELEASE}.zero.cost.0"),
-    f"episodes/{RELEASE}/reference/reward/1": (99.0, f"episodes.{RELEASE}.reference.reward.1"),
-    f"episodes/{RELEASE}/controller/metrics/rms_feel_error/0": (
-        0.0,
-        f"episodes.{RELEASE}.controller.metrics.rms_feel_error.0",
-    ),
-    "controller/name": ("lqg", f"episodes.{RELEASE}.controller.reward.0"),
-    "controller/terms": ({"information": "none", "tuning": "none"}, "controller.terms.information"),
-    "round/seeds/0": (7, f"episodes.{RELEASE}.controller.reward.0"),
+CHANGED = {
+    "reward": ((CONTROLLER, "reward", 0), 99.0, f"{RELEASE}, controller, seed 1000000"),
+    "cost": ((ZERO, "cost", 1), 7.0, f"{RELEASE}, zero, seed 1000001"),
+    "failure": ((REFERENCE, "failure", 0), 3, f"{RELEASE}, reference, seed 1000000"),
+    "metric": ((CONTROLLER, "metrics", "rms_feel_error", 1), 0.0, f"{RELEASE}, controller, seed 1000001"),
 }
 
 
-@pytest.mark.parametrize("place", MADE_TO_FIT)
-def test_what_is_forged_with_all_that_follows_is_named_when_driven_again(place, entered, short, tmp_path, capsys):
-    value, named = MADE_TO_FIT[place]
-    path = tmp_path / "forged.json"
-    path.write_text(json.dumps(forged(entered, place, value)))
-    _, result = benchmark.read(path)
-    path.write_text(benchmark.text_of(benchmark.document(result)))
-    assert benchmark.derived(*benchmark.read(path)) == []
-    fields = benchmark.again(result, benchmark.entry(result.controller["name"], result.suite))
-    assert named in fields
-    assert main(["benchmark", "--verify", str(path)]) == 1
-    told = capsys.readouterr().out
-    assert "are others when its episodes are driven again" in told
-    assert named in told
+@pytest.mark.parametrize("name", CHANGED)
+def test_an_episode_that_is_another_is_named(name, entered, short, tmp_path, capsys):
+    place, value, told = CHANGED[name]
+    file = written(tmp_path / "result.json", changed(entered, ("episodes", RELEASE, *place), value))
+    assert main(["benchmark", "--verify", file]) == 1
+    assert f"{file}: driven again, 1 of 6 episodes are others: {told}\n" in capsys.readouterr().out
+
+
+def test_a_result_is_driven_again_on_its_own_seeds(entered, short, tmp_path):
+    of = benchmark.suite("assists")
+    (result,) = benchmark.enter([benchmark.entry("damping", of)], of, (7, 8))
+    file = written(tmp_path / "result.json", benchmark.document(result))
+    assert main(["benchmark", "--verify", file]) == 0
+    file = written(tmp_path / "other.json", changed(entered, ("seeds", 0), 7))
+    assert main(["benchmark", "--verify", file]) == 1
 
 
 def test_a_class_is_compared_with_the_one_that_is_given(there, short, capsys):
     enter = ["benchmark", "--suite", "assists", "--episodes", "2", "--out", "out"]
     assert main([*enter, "my_assist:MoreAssist"]) == 0
-    assert main(["benchmark", "--verify", f"out/{NAME}"]) == 0
-    assert "without CONTROLLER" in capsys.readouterr().out
     (there / "other.py").write_text(CODE.replace("0.3", "0.4").replace("MoreAssist", "Other"))
     assert main(["benchmark", "other.py:Other", "--verify", f"out/{NAME}"]) == 1
-    said = capsys.readouterr().out
-    for field in ("controller.name", "controller.sha256.my_assist", f"episodes.{RELEASE}.controller.reward.0"):
-        assert field in benchmark.again(
-            benchmark.read(there / "out" / NAME)[1], benchmark.entry("other:Other", benchmark.suite("assists"))
-        )
-    assert "driven again: controller.name" in said
+    assert f"2 of 6 episodes are others: {RELEASE}, controller, seed 1000000; " in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -372,23 +328,14 @@ def test_a_class_is_compared_with_the_one_that_is_given(there, short, capsys):
     [
         (lambda text: text[:500], "line"),
         (lambda text: "[]", "is no result of 'steer-env benchmark'"),
-        (lambda text: '{"suite": "assists"}', "is no result of 'steer-env benchmark'"),
+        (lambda text: '{"suite": "assists"}', "which holds suite, controller, seeds, score, parts, episodes, trace"),
         (lambda text: text.replace('"suite": "assists"', '"suite": "cranes"'), "the suite must be one of"),
-        (lambda text: text.replace(RELEASE, "steer_env/AssistRelease-v1"), "its ids are not those of the suite"),
-        (lambda text: text.replace('"failure": [\n', '"failure": [\n 0,\n'), "finite numbers of the type int"),
-        (lambda text: re.sub(r'"cost": \[\n\s+[^,]+', '"cost": [ NaN', text), "NaN is no number of JSON"),
-        (lambda text: re.sub(r'"cost": \[\n\s+[^,]+', '"cost": [ 1e999', text), "expected 2 finite numbers"),
-        (lambda text: text.replace('"packages"', '"parcels"'), "expected version, sources and packages"),
-        (lambda text: text.replace('"kind": "baseline"', '"kind": "crane"'), "kind of the controller must be one of"),
-        (lambda text: text.replace("1000001", "1000000"), "seeds must be at least two different whole numbers"),
+        (lambda text: text.replace(RELEASE, "steer_env/AssistRelease-v1"), "its episodes are not those of the suite"),
+        (lambda text: text.replace('"reward": [', '"rewards": [', 1), "is no result as 'steer-env benchmark'"),
+        (lambda text: text.replace('"kind": "baseline"', '"sort": "baseline"'), "writes it: KeyError('kind')"),
+        (lambda text: text.replace("1000001", '"x"'), "a seed must be"),
+        (lambda text: text.replace('"packages"', '"parcels"'), "its trace holds no packages"),
         (lambda text: b"\xff\xfe" + text.encode(), "expected text in UTF-8"),
-        (lambda text: text.replace('"score": {', '"score": {}, "score": {', 1), "the key 'score' stands twice"),
-        (lambda text: text.replace('"damping"', '"other.py:Own"'), "the baseline must be one of"),
-        (lambda text: text.replace('"terms": {', '"terms": {"a": [],', 1), "must be text that can be printed, got []"),
-        (lambda text: text.replace('"terms": {', '"terms": {"a": "\\ud800",', 1), "must be text that can be printed"),
-        (lambda text: text.replace('"trace": {', '"trace": {"note": "",', 1), "expected version, sources and packages"),
-        (lambda text: re.sub(r'"cost": \[\n\s+[^,]+', '"cost": [ 1e308', text), "up to 1e+100"),
-        (lambda text: text.replace("rms_feel_error", "other", 1), "all episodes must have the same metrics"),
     ],
 )  # fmt: skip
 def test_a_file_that_is_no_result_is_refused_in_one_sentence(change, message, entered, short, tmp_path, capsys):
@@ -408,37 +355,20 @@ def test_what_the_program_writes_of_a_class_it_also_reads(there, short):
     assert main([*enter, "--out", "out"]) == 0
 
 
-def test_a_drive_without_a_score_is_refused(entered, short):
-    one = forged(entered, f"episodes/{RELEASE}/reference/reward", entered["episodes"][RELEASE]["zero"]["reward"])
-    with pytest.raises(ValueError, match="must not earn the same"):
-        benchmark._read(one)
-
-
-def test_no_code_that_a_result_names_is_run(entered, short, tmp_path, monkeypatch, capsys):
+@pytest.mark.parametrize("kind", benchmark.KINDS)
+def test_no_code_that_a_result_names_is_run(kind, entered, short, tmp_path, monkeypatch, capsys):
     """It would judge itself."""
     monkeypatch.chdir(tmp_path)
     Path("own.py").write_text("import os\nos._exit(0)\n", encoding="utf-8")
-    for kind in benchmark.KINDS:
-        one = forged(forged(entered, "controller/kind", kind), "controller/name", "own.py:Own")
-        one["sha256"] = provenance.digest({key: value for key, value in one.items() if key != "sha256"})
-        Path("result.json").write_text(benchmark.text_of(one), encoding="utf-8")
-        code = main(["benchmark", "--verify", "result.json"])
-        told = "".join(capsys.readouterr())
-        assert ("must be one of" in told, code) == (True, 2) if kind == "baseline" else "without CONTROLLER" in told
+    named = {**entered["controller"], "kind": kind, "name": "own.py:Own"}
+    assert main(["benchmark", "--verify", written(Path("result.json"), {**entered, "controller": named})]) == 2
+    assert "result.json is of 'own.py:Own': give this controller beside --verify" in capsys.readouterr().err
 
 
-def test_another_program_is_told_before_anything_is_driven(entered, short, tmp_path, monkeypatch, capsys):
-    path = tmp_path / "then.json"
-    path.write_text(benchmark.text_of(entered))
-    _, result = benchmark.read(path)
-    then = {**entered["trace"], "sources": "0123456789abcdef"}
-    path.write_text(benchmark.text_of(benchmark.document(result, then)))
-    monkeypatch.setattr(benchmark, "again", lambda *_: pytest.fail("was driven"))
-    assert main(["benchmark", "--verify", str(path)]) == 2
-    assert (
-        "was made by another program, whose episodes are others: sources 0123456789abcdef then"
-        in capsys.readouterr().err
-    )
+def test_a_result_of_another_program_is_driven_with_a_caution(entered, short, tmp_path, capsys):
+    file = written(tmp_path / "then.json", changed(entered, ("trace", "sources"), "0123456789abcdef"))
+    assert main(["benchmark", "--verify", file]) == 0
+    assert "was made by another program: sources 0123456789abcdef then" in capsys.readouterr().err
 
 
 FAILING = {
@@ -480,11 +410,8 @@ def test_a_controller_that_fails_is_told_in_one_sentence(name, there, short, cap
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (
-            ["zero"],
-            "give one of --suite (drivers, assists, friction, tuners, identification), --verify and --new-round",
-        ),
-        (["zero", "--suite", "assists", "--round", "round.json", "--episodes", "3"], "--episodes has no effect here"),
+        (["zero"], "give one of --suite (drivers, assists, friction, tuners, identification) and --verify"),
+        (["zero", "--verify", "some.json", "--episodes", "3"], "--episodes has no effect here"),
         (["zero", "zero", "--suite", "assists"], "entries need names of their own, got zero, zero"),
         (["zero", "--suite", "assists", "--out", "broken"], "assists-class-x.json: is no result"),
         (["nothing", "--suite", "assists"], "'nothing' is no controller: give FILE.py:CLASS"),
@@ -492,10 +419,7 @@ def test_a_controller_that_fails_is_told_in_one_sentence(name, there, short, cap
         (["absent:Own", "--suite", "assists"], "the module absent cannot be imported: ModuleNotFoundError"),
         (["json.py:MoreAssist", "--suite", "assists"], "already: give"),
         ([str(policy.SHIPPED_IN / "DriverOnCentre-v3"), "--suite", "assists"], "holds no policy of an id of the suite"),
-        (["--suite", "assists", "--round", "my_assist.py"], "my_assist.py: Expecting value: line 1"),
-        (["zero", "--suite", "assists", "--published", "0"], "not the one published, 0"),
-        (["zero", "lqg", "--verify", "some.json"], "--verify checks one result"),
-        (["--new-round", "my_assist.py"], "is there already: give a new file"),
+        (["zero", "lqg", "--verify", "some.json"], "--verify repeats one result"),
     ],
 )
 def test_a_bad_command_is_refused_in_one_sentence(words, message, there, capsys):
@@ -528,54 +452,14 @@ def test_two_policies_of_an_id_are_refused(tmp_path):
     assert len(benchmark.entry(str(tmp_path / "one"), benchmark.suite("assists")).cautions) == 1
 
 
-def test_the_hash_of_a_round_is_published_first_and_checked_afterwards(there, short, capsys):
-    assert main(["benchmark", "--new-round", "round.json", "--episodes", "2"]) == 0
-    published = capsys.readouterr().out.strip()
-    assert published == hashlib.sha256((there / "round.json").read_bytes()).hexdigest()
-    drawn = benchmark.read_round(there / "round.json")
-    assert len(set(drawn.seeds)) == 2
-    assert max(drawn.seeds) > 2**100
-    assert len(bytes.fromhex(drawn.salt)) == 32
-    given = ["--round", "round.json", "--published", published]
-    assert main(["benchmark", "damping", "--suite", "assists", "--out", "out", *given]) == 0
-    verify = ["benchmark", "--verify", "out/assists-baseline-damping.json"]
-    assert main([*verify, *given]) == 0
-    assert json.loads((there / verify[-1]).read_text())["round"]["seeds"] == list(drawn.seeds)
-    capsys.readouterr()
-    assert main([*verify, "--published", "0" * 64]) == 1
-    assert "round.sha256, which is not the one published" in capsys.readouterr().out
-    (there / "other.json").write_text(benchmark.text_of_round(drawn._replace(salt="other")))
-    assert main([*verify, "--round", "other.json"]) == 1
-    assert "round, which is not that of other.json" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "[]",
-        '{"salt": 1, "seeds": [1, 2]}',
-        '{"salt": "a", "seeds": [1]}',
-        '{"salt": "a", "seeds": [1, 1]}',
-        '{"salt": "a", "seeds": [1, -2]}',
-        '{"salt": "a", "seeds": [1, 2.5]}',
-        '{"salt": "a", "seeds": [1, 2], "more": 0}',
-    ],
-)
-def test_a_file_that_is_no_round_is_refused(text, tmp_path):
-    path = tmp_path / "round.json"
-    path.write_text(text)
-    with pytest.raises(ValueError, match=r"round\.json: "):
-        benchmark.read_round(path)
-
-
-def test_the_table_ranks_the_entries_by_their_episodes(tmp_path):
-    """Of what the files claim nothing is taken."""
+def test_the_table_ranks_the_entries_by_their_scores(short):
     zeros, references = [0.0, 0.5], [3.0, 3.5]
     found = {"good": [2.0, 2.6], "bad": [1.0, 1.4]}
     results = []
     for name, rewards in found.items():
         result = result_of(made(rewards, references, zeros, 1.5))
-        results.append(result._replace(controller={**result.controller, "name": name}))
+        result = result._replace(controller={**result.controller, "name": name})
+        results.append(benchmark.scored(benchmark.document(result)))
     (standing,) = benchmark_page.standings(results[::-1])
     assert standing.names == ["good", "bad"]
     rows = standing.summary().rows
@@ -588,21 +472,25 @@ def test_a_threshold_is_rounded_down(value, expected):
     assert scores.rounded_down(value) == expected
 
 
-def test_the_page_of_scores_and_the_thresholds_come_from_a_folder_of_results(entered, short, tmp_path, capsys):
-    folder, page, thresholds = tmp_path / "out", tmp_path / "scores.md", tmp_path / "thresholds.json"
+def test_scores_and_thresholds_come_from_a_folder_of_results(entered, short, tmp_path):
+    folder, kept, thresholds = tmp_path / "out", tmp_path / "scores.json", tmp_path / "thresholds.json"
     folder.mkdir()
-    (folder / "assists-baseline-damping.json").write_text(benchmark.text_of(entered))
+    written(folder / "assists-baseline-damping.json", entered)
     thresholds.write_text(json.dumps({"other": 1.0, RELEASE: 5.0}))
-    assert maintain(["scores", str(folder), "--out", str(page), "--thresholds", str(thresholds)]) == 0
-    assert page.read_text(encoding="utf-8") == capsys.readouterr().out
-    reward = entered["parts"][RELEASE]["reward"]["value"]
+    assert maintain(["scores", str(folder), "--out", str(kept), "--thresholds", str(thresholds)]) == 0
+    (entry,) = scores.read(kept)
+    assert entry.score == benchmark.scored(entered).score
+    reward = entered["parts"][RELEASE]["summary"]["reward"]["value"]
     assert json.loads(thresholds.read_text()) == {"other": 1.0, RELEASE: scores.rounded_down(reward)}
-    assert f"`reward_threshold`: {scores.rounded_down(reward):g}." in page.read_text(encoding="utf-8")
+    assert f"`reward_threshold`: {scores.rounded_down(reward):g}." in scores.markdown([entry])
 
 
-def test_the_ids_have_the_thresholds_of_the_page():
-    page = (DOCS / "scores.md").read_text(encoding="utf-8")
+def test_the_ids_have_the_thresholds_of_the_scores():
+    assert scores.thresholds(scores.read()) == {env_id: gym.spec(env_id).reward_threshold for env_id in DRIVEN}
+
+
+def test_the_page_of_scores_has_every_id():
+    page = scores.markdown(scores.read())
     for env_id in DRIVEN:
         section = page.partition(f"### `{env_id}`")[2].partition("\n##")[0]
         assert "| zero |" in section
-        assert f"`reward_threshold`: {gym.spec(env_id).reward_threshold:g}." in section

@@ -66,7 +66,7 @@ DOORS = {
         "docs/rewards.md",
         "docs/training.md",
         "docs/benchmark.md",
-        "docs/scores.md",
+        "scores.md",
         "docs/friction_shift.md",
         "docs/datasets.md",
         "docs/integrations.md",

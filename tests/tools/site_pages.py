@@ -1,4 +1,4 @@
-"""Pages of the site that are made of declarations, as of friction laws, cars, commands and public names.
+"""Pages of the site that are made of declarations and data, as of friction laws, cars, commands and scores.
 
 Each function gives pages by their place in the site, as Markdown; :mod:`tests.tools.site` writes them.
 """
@@ -23,7 +23,7 @@ from steer_env.experiments.studies.friction_laws import HISTORIES
 from steer_env.friction.law import LAWS
 from steer_env.vehicle import cars
 from steer_env.vehicle.keys import declared_keys
-from tests.tools import glossary
+from tests.tools import glossary, scores
 
 ROOT = Path(__file__).resolve().parents[2]
 GALLERY = sorted((ROOT / "examples" / "gallery").glob("*.py"))
@@ -322,7 +322,12 @@ def files() -> Pages:
     }
 
 
+def table_of_scores() -> Pages:
+    """The scores of the benchmark, of their file."""
+    return {"scores.md": scores.markdown(scores.read())}
+
+
 def generated() -> Pages:
-    """Every page that is made of declarations."""
-    parts = (laws, packaged_cars, environments, manoeuvres, commands, api, examples, files)
+    """Every page that is made of declarations and of files with data."""
+    parts = (laws, packaged_cars, environments, manoeuvres, commands, api, examples, table_of_scores, files)
     return {place: text for part in parts for place, text in part().items()}
