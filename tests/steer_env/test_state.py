@@ -6,6 +6,7 @@ import pickle
 import subprocess
 import sys
 from functools import partial
+from itertools import cycle
 
 import gymnasium as gym
 import numpy as np
@@ -44,7 +45,8 @@ def by_deepcopy(env, make_other):
     return copy.deepcopy(env)
 
 
-WAYS = pytest.mark.parametrize("way", [by_state, by_pickle, by_deepcopy])
+WAYS = [by_state, by_pickle, by_deepcopy]
+every_way = pytest.mark.parametrize("way", WAYS)
 
 
 def equal(one, other):
@@ -88,8 +90,7 @@ def test_what_differs_is_seen():
     assert not equal({"a": None}, {"a": 1.0})
 
 
-@WAYS
-@pytest.mark.parametrize("name", DRIVEN)
+@pytest.mark.parametrize(("name", "way"), list(zip(DRIVEN, cycle(WAYS))))
 def test_a_copy_goes_on_to_the_bit(name, way):
     """From the first and from a later step, with everything drawn; the original is stepped first."""
     made = partial(gym.make, name, randomise=EVERYTHING, control_dt=0.02)
@@ -103,7 +104,7 @@ def test_a_copy_goes_on_to_the_bit(name, way):
         assert other.unwrapped.np_random_seed == 3
 
 
-@WAYS
+@every_way
 def test_a_copy_between_two_updates_of_a_driver_model(way):
     """At 1 ms the driver model acts at every tenth step."""
     made = partial(gym.make, "steer_env/AssistLaneKeeping-v3", randomise=EVERYTHING, control_dt=0.001)
@@ -113,7 +114,7 @@ def test_a_copy_between_two_updates_of_a_driver_model(way):
     assert equal(go_on(way(env, made), 20), go_on(env, 20))
 
 
-@WAYS
+@every_way
 def test_the_end_of_an_episode_is_copied(way):
     """At its last step, after it, and into the next episodes, whose draws are the generator's."""
     made = partial(gym.make, LANE, randomise=EVERYTHING, control_dt=0.1)
@@ -135,8 +136,7 @@ def test_the_end_of_an_episode_is_copied(way):
     assert equal(go_on(env, 60), go_on(after, 60))
 
 
-@WAYS
-@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize(("mode", "way"), list(zip(MODES, WAYS)))
 def test_a_copied_vector_goes_on_to_the_bit(mode, way):
     """Through the ends of episodes at different times, from every moment around them."""
     made = partial(gym.make_vec, LANE, num_envs=3, randomise=EVERYTHING, control_dt=0.1, autoreset_mode=mode, threads=2)
@@ -344,7 +344,7 @@ def test_drivers_that_have_driven_are_copied():
     assert not np.shares_memory(copied.arrays.memory, env.batch.drivers.arrays.memory)
 
 
-@WAYS
+@every_way
 def test_pictures_of_a_copy(way):
     """A pickled picture shows the same; a state brings no trace along."""
     made = partial(gym.make, LANE, render_mode="rgb_array")

@@ -1,7 +1,6 @@
 """Every sub-environment of a vector environment is bit-identical to the single environment."""
 
 import os
-import pickle
 import tracemalloc
 import warnings
 from itertools import cycle
@@ -232,13 +231,6 @@ def test_bad_calls():
             vector.reset(seed=seed)
     with pytest.raises(TypeError, match="unexpected keyword argument 'frictoin'"):
         gym.make_vec(WEAVE, num_envs=2, frictoin="lugre")
-
-
-def test_specification_survives_pickling():
-    vector = make(WEAVE, n=2, friction="masing")
-    again = gym.make_vec(pickle.loads(pickle.dumps(vector.spec)))
-    assert np.array_equal(again.reset(seed=2)[0], vector.reset(seed=2)[0])
-    assert again.num_envs == 2
 
 
 def test_a_controller_drives_every_sub_environment():

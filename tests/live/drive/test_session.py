@@ -370,16 +370,6 @@ def test_a_device_without_a_motor_has_no_torque_to_lose(tmp_path):
     assert not any("faded" in line or "limited" in line for line in drive.summary())
 
 
-def test_a_pause_ends_the_torque_until_the_next(tmp_path):
-    drive = session(tmp_path)
-    with drive:
-        until(lambda: drive.shown().gain > 0.2)
-        drive.command("pause")
-        until(lambda: drive.shown().gain == 0.0)
-        drive.command("pause")
-        until(lambda: drive.shown().gain > 0.1)
-
-
 def test_the_keyboard_steers_by_arms(tmp_path):
     drive = session(tmp_path, Keyboard(), laws=("lugre",))
     with drive:
