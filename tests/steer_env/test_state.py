@@ -14,10 +14,9 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 from steer_env import friction
-from steer_env.drivers import DriverBatch, make
 from steer_env.engine.kernels import advance, evaluate
 from steer_env.friction.numerics.kernel import COMPILED
-from steer_env.registration import DRIVEN, TUNED
+from steer_env.registration import DRIVEN
 from steer_env.vehicle import road
 
 LANE, WEAVE = "steer_env/DriverLaneKeeping-v3", "steer_env/AssistWeave-v3"
@@ -175,7 +174,7 @@ def test_what_has_not_begun_is_copied(way):
         one.unwrapped.step(np.zeros(1, np.float32))
 
 
-@pytest.mark.parametrize("name", [*DRIVEN, *TUNED])
+@pytest.mark.parametrize("name", DRIVEN)
 def test_gymnasiums_own_test_of_pickling(name):
     """Its ``test_pickle_env``; with seeds, which make the comparison one to the bit."""
     env = gym.make(name)
@@ -204,14 +203,13 @@ def test_a_tuning_environment_is_copied_in_an_episode(way):
 
 
 @pytest.mark.skipif(not COMPILED, reason="nothing is compiled")
-@pytest.mark.parametrize("way", [by_pickle, by_deepcopy])
-def test_a_copy_compiles_nothing(way):
+def test_a_copy_compiles_nothing():
     """Arrays of a copy have the types of the original: a Masing set, a driver model and a road of its own."""
     arguments = {"friction": "masing", "chassis": "two_track", "road": road.iso8608(1, "B")}
     env = gym.make("steer_env/AssistLaneChange-v3", **arguments)
     env.reset(seed=0)
     compiled = [len(kernel.overloads) for kernel in (advance, evaluate)]
-    other = way(env, None)
+    other = by_pickle(env, None)
     assert equal(go_on(env, 20), go_on(other, 20))
     assert equal(env.reset(seed=1), other.reset(seed=1))
     assert [len(kernel.overloads) for kernel in (advance, evaluate)] == compiled
@@ -331,17 +329,6 @@ def test_a_state_of_another_driver_law_version_or_size_is_refused():
         env.set_state(dataclasses.asdict(state))
     with pytest.raises(IndexError):
         state.row(1)
-
-
-def test_drivers_that_have_driven_are_copied():
-    """Their kernel is looked up again."""
-    env = gym.make("steer_env/AssistLaneKeeping-v3", driver=make("two_point")).unwrapped
-    env.reset(seed=0)
-    go_on(env, 10)
-    copied = copy.deepcopy(env.batch.drivers)
-    assert isinstance(copied, DriverBatch)
-    assert np.array_equal(copied.arrays.memory, env.batch.drivers.arrays.memory)
-    assert not np.shares_memory(copied.arrays.memory, env.batch.drivers.arrays.memory)
 
 
 @every_way

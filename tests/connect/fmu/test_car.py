@@ -9,7 +9,6 @@ import subprocess
 import sys
 import time
 import zipfile
-from datetime import datetime, timezone
 from itertools import product
 from pathlib import Path
 
@@ -194,7 +193,7 @@ def test_types_have_quantities_and_what_a_driver_reads(weave):
 
 
 def test_the_same_export_gives_the_same_bytes(tmp_path, monkeypatch):
-    """With the date from outside; without, the date is that of the export."""
+    """With the date from outside."""
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "86400")
     first, again = (
         fmu.export(tmp_path / name, subsystem="steering", platforms=["linux64", "source"], fmi=3)
@@ -209,10 +208,6 @@ def test_the_same_export_gives_the_same_bytes(tmp_path, monkeypatch):
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "yesterday")
     with pytest.raises(ValueError, match="SOURCE_DATE_EPOCH must be a whole number of seconds"):
         fmu.export(tmp_path / "car.fmu", subsystem="steering")
-    monkeypatch.delenv("SOURCE_DATE_EPOCH")
-    now = datetime.now(timezone.utc)
-    made = fmpy.read_model_description(str(fmu.export(tmp_path / "now.fmu", subsystem="steering")))
-    assert abs(datetime.fromisoformat(made.generationDateAndTime[:-1] + "+00:00") - now).total_seconds() < 600.0
 
 
 def test_units_are_products_of_base_units():
@@ -436,11 +431,12 @@ def test_the_importer_in_c_drives_a_weave_at_two_speeds_from_one_unit(chassis, h
     """Each weave is, to the bit and from the first output on, that of a unit which was exported at its speed."""
     program = built_harness(tmp_path)
 
-    def weaves(exported, driven):
+    def weaves(driven):
+        """Outputs at these speeds, by a unit that was exported at the first."""
         path = fmu.export(
-            tmp_path / "car.fmu", friction="lugre", chassis=chassis, speed=exported, robot=True, cpu="native"
+            tmp_path / "car.fmu", friction="lugre", chassis=chassis, speed=driven[0], robot=True, cpu="native"
         )
-        folder = tmp_path / f"{exported:g}"
+        folder = tmp_path / f"{driven[0]:g}"
         variables = fmpy.read_model_description(str(path)).modelVariables
         references = {v.name: str(v.valueReference) for v in variables}
         inputs = [references[name] for name in ("hand_angle", "hand_speed", held)]
@@ -450,11 +446,10 @@ def test_the_importer_in_c_drives_a_weave_at_two_speeds_from_one_unit(chassis, h
         lines = subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()
         return [lines[i : i + 2001] for i in range(0, len(lines), 2001)]
 
-    slow, fast = weaves(20.0, SPEEDS)
+    slow, fast = weaves(SPEEDS)
     assert len(slow) == len(fast) == 2001
     assert slow[-1] != fast[-1]
-    assert [slow] == weaves(SPEEDS[0], SPEEDS[:1])
-    assert [fast] == weaves(SPEEDS[1], SPEEDS[1:])
+    assert [fast, slow] == weaves(SPEEDS[::-1])
 
 
 @pytest.mark.whole
