@@ -18,7 +18,7 @@ if sys.platform != "linux":
 
 def part(name="car"):
     """The default car, or a part of it, with a prescribed handwheel angle."""
-    return subsystems.make(name, cars.load("compact").plant(robot=True), 100.0 / 3.6)
+    return subsystems.make(name, cars.load("compact").plant("lugre", robot=True), 100.0 / 3.6)
 
 
 def test_durations_against_the_values_themselves():

@@ -23,13 +23,11 @@ class Wheel:
         Whether the torque needs a dead-man key that is held.
     angle_bandwidth : float, optional
         Of a filter of the angle [Hz].
-    options
-        Of the plant.
     """
 
-    def __init__(self, limits=None, amplitude=0.5, frequency=0.5, dead_man=False, angle_bandwidth=None, **options):
+    def __init__(self, limits=None, amplitude=0.5, frequency=0.5, dead_man=False, angle_bandwidth=None):
         self.limits = limits or Limits()
-        self.part = subsystems.make("car", cars.load("compact").plant(robot=True, **options), 100.0 / 3.6)
+        self.part = subsystems.make("car", cars.load("compact").plant("lugre", robot=True), 100.0 / 3.6)
         names = [signal.name for signal in self.part.given]
         self.angle, self.speed = names.index("hand_angle"), names.index("hand_speed")
         clock = {"clock": lambda: self.now}
