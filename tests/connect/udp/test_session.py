@@ -184,7 +184,7 @@ def test_an_input_that_makes_no_sense_is_named(served, value):
 
 @pytest.mark.parametrize(("name", "value"), [("throttle_request", -0.01), ("coast", 1.5), ("brake_request", -1.0)])
 def test_the_bounds_of_an_input_are_those_that_are_declared(name, value):
-    direct = Direct("car", chassis="two_track")
+    direct = Direct("car", chassis="two_track", friction="lugre")
     place = [signal.name for signal in direct.subsystem.given].index(name)
     direct.ask("open", 0)
     for given, expected in ((value, False), (0.5, True)):
