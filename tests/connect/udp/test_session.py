@@ -86,11 +86,11 @@ def tune(direct, sequence, name, value, **fields):
 
 def test_a_parameter_that_is_tuned_is_that_of_another_plant():
     """A torsion bar that is stiffer from the first step on is a plant made with it; a new session has the old one."""
-    stiff = Direct(friction="lugre")
+    stiff = Direct(friction="dahl")
     p = stiff.subsystem.parameters
     stiff.model = model_of(stiff.subsystem._replace(parameters=p._replace(column=p.column._replace(K_tb=200.0))))
-    plain = Direct(friction="lugre")
-    direct = Direct(friction="lugre", tuned=True)
+    plain = Direct(friction="dahl")
+    direct = Direct(friction="dahl", tuned=True)
     direct.ask("open", 0), stiff.ask("open", 0), plain.ask("open", 0)
     number, answer = tune(direct, 1, "column.K_tb", 200.0)
     assert (answer["kind"], answer["samples"], answer["time"]) == (KINDS["tuned"], number, 0.0)
@@ -184,7 +184,7 @@ def test_an_input_that_makes_no_sense_is_named(served, value):
 
 @pytest.mark.parametrize(("name", "value"), [("throttle_request", -0.01), ("coast", 1.5), ("brake_request", -1.0)])
 def test_the_bounds_of_an_input_are_those_that_are_declared(name, value):
-    direct = Direct("car", chassis="two_track", friction="lugre")
+    direct = Direct("car", chassis="two_track")
     place = [signal.name for signal in direct.subsystem.given].index(name)
     direct.ask("open", 0)
     for given, expected in ((value, False), (0.5, True)):
