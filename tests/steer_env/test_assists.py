@@ -189,7 +189,7 @@ def driven(scenario, name, options, keys):
     """Handwheel angle and torque (T, 2) of an episode of a car with keys of its assist, under a baseline."""
     env = gym.make(id_of(f"Assist{scenario}"), vehicle={"base": "compact", "assist": keys}).unwrapped
     baseline = standard(name, env, **options)
-    observation, _ = env.reset(seed=3, options={"scenario": 1} if scenario == "AllRound" else None)
+    observation, _ = env.reset(seed=3)
     seen, over = [], False
     while not over:
         observation, _, ended, cut, info = env.step(baseline.act(observation))
@@ -201,8 +201,8 @@ def driven(scenario, name, options, keys):
 @pytest.mark.parametrize(
     ("scenario", "name", "options", "keys"),
     [
-        ("AllRound", "active_return", {"gain": 10.0, "hold": 1.0}, {"return_gain": 10.0, "return_hold": 1.0}),
-        ("AllRound", "damping", {"gain": 1.0}, {"damping": (CAR.assist.damping + 1.0).tolist()}),
+        ("Weave", "active_return", {"gain": 10.0, "hold": 1.0}, {"return_gain": 10.0, "return_hold": 1.0}),
+        ("Release", "damping", {"gain": 1.0}, {"damping": (CAR.assist.damping + 1.0).tolist()}),
         ("Weave", "lead_lag", {"gain": 0.1}, {"lead_lag_gain": 0.1}),
         pytest.param(
             *("Weave", "friction_compensation", {"share": 0.5, "law": "dahl"}),

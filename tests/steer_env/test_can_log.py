@@ -134,11 +134,9 @@ def test_torque_stays_in_counts_and_its_metrics_are_refused(drive, tmp_path):
     assert counts.min() <= drive["handwheel_torque"].min() < -100
     with pytest.raises(RefusedError, match="handwheel_torque is in counts of its sensor, uncalibrated"):
         FilteredChannels(drive, 1.0)["handwheel_torque"]  # which every metric reads
-    for suffix in (".csv", ".parquet", ".mat", ".mf4"):
-        write(drive, tmp_path / f"drive{suffix}")
-        back = read(tmp_path / f"drive{suffix}")
-        assert back.units == drive.units
-        assert back.meta == drive.meta
+    write(drive, tmp_path / "drive.csv")
+    back = read(tmp_path / "drive.csv")
+    assert (back.units, back.meta) == (drive.units, drive.meta)
 
 
 # Other formats, and logs that are damaged

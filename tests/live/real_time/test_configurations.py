@@ -125,11 +125,8 @@ def test_a_switch_between_laws_does_not_jump(amplitude, speed, robot):
     assert worst_switch(LAWS, amplitude, speed=speed, robot=robot)[0] < MARK
 
 
-# One law, a worm gear with friction above the bar, and the car's own friction at five sites.
-SITES = {
-    str(law): ("compact", law, "single_track")
-    for law in ("lugre", "masing,efficiency=0.85@gear+lugre,F_c=0.1@upper_column", None)
-}
+# One law, and the car's own friction at five sites.
+SITES = {str(law): ("compact", law, "single_track") for law in ("lugre", None)}
 
 
 @pytest.mark.parametrize(
