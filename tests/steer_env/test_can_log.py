@@ -134,11 +134,9 @@ def test_torque_stays_in_counts_and_its_metrics_are_refused(drive, tmp_path):
     assert counts.min() <= drive["handwheel_torque"].min() < -100
     with pytest.raises(RefusedError, match="handwheel_torque is in counts of its sensor, uncalibrated"):
         FilteredChannels(drive, 1.0)["handwheel_torque"]  # which every metric reads
-    for suffix in (".csv", ".parquet", ".mat", ".mf4"):
-        write(drive, tmp_path / f"drive{suffix}")
-        back = read(tmp_path / f"drive{suffix}")
-        assert back.units == drive.units
-        assert back.meta == drive.meta
+    write(drive, tmp_path / "drive.csv")
+    back = read(tmp_path / "drive.csv")
+    assert (back.units, back.meta) == (drive.units, drive.meta)
 
 
 # Other formats, and logs that are damaged
@@ -171,7 +169,7 @@ def test_every_format_gives_the_same_recording(tmp_path, frames, suffix):
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # python-can leaves a bad file open
 @pytest.mark.parametrize("suffix", [*can_log.SUFFIXES, ".csv"])
-@pytest.mark.parametrize("part", [0.0, *(pytest.param(p, marks=pytest.mark.whole) for p in (0.3, 0.9)), 0.6])
+@pytest.mark.parametrize("part", [0.0, 0.6])
 def test_a_cut_log_is_refused_with_what_can_be_read(tmp_path, frames, suffix, part):
     """In mid-frame: the sentence says how far it is whole, and that much can be read."""
     path = written(tmp_path / f"drive{suffix}", frames)
@@ -346,34 +344,11 @@ def test_options_of_can_logs(tmp_path, capsys):
     assert main([*command, "--between", *error.split("--between ")[1].split()]) == 1  # read, without a metric
 
 
-def test_gaps_and_channels_without_values_are_told_before_the_metrics(tmp_path, capsys):
-    times = np.delete(np.arange(200) * 0.02, range(100, 104))
-    path = speeds(tmp_path / "drive.log", times, 50 + 5 * times)
-    command = ["evaluate", str(path), "--dbc", str(DBC), "--map", "vehicle_speed=SPEED", "--manoeuvre", "weave"]
-    assert main(command) == 1
-    assert f"{path}: gaps of SPEED: 1, longest step 0.1 s at 1.98 s\n" in capsys.readouterr().out
-    (tmp_path / "run.csv").write_text("# can: none\ntime_s,yaw_rate_deg_s,SWA [deg]\n0,1,\n1,2,\n")
-    assert main(["evaluate", str(tmp_path / "run.csv"), "--manoeuvre", "weave"]) == 1
-    assert "run.csv: columns that are not read: SWA [deg] (no values)\n" in capsys.readouterr().out
-
-
-def test_the_page_says_what_is_uncalibrated(tmp_path, capsys):
-    command = ["evaluate", str(LOG), "--dbc", str(DBC), "--mapping", str(FOLDER / "rav4.toml"), "--manoeuvre", "weave"]
-    assert main([*command, "--between", "0", "20", "--speed-kph", "65", "--out", str(tmp_path / "page")]) == 1
-    assert "in counts of the sensor, uncalibrated: handwheel_torque" in capsys.readouterr().out
-    page = (tmp_path / "page" / "index.html").read_text()
-    assert '<td>uncalibrated</td><td class="text wide">handwheel_torque</td>' in page
-    assert "STEER_TORQUE_SENSOR" in page  # with its frames, rate and gaps
-
-
 def test_a_template_lists_what_the_log_has_and_is_a_mapping(tmp_path, capsys):
     out = tmp_path / "map.toml"
     command = ["evaluate", str(LOG), "--dbc", str(DBC), "--template", str(out)]
     assert main(command) == 0
-    text = out.read_text()
-    assert '[channels.handwheel_angle]\nfrom = "STEER_ANGLE_SENSOR.STEER_ANGLE"  # deg, -4.5 to 3' in text
-    assert '# "STEER_TORQUE_SENSOR.STEER_TORQUE_DRIVER": no unit, -148.176 to 138' in text
-    (section,) = (part for part in text.split("\n\n") if part.startswith("[channels.vehicle_speed]"))
+    (section,) = (part for part in out.read_text().split("\n\n") if part.startswith("[channels.vehicle_speed]"))
     out.write_text("\n".join(line.removeprefix("# ") for line in section.splitlines() if '"m/s"' not in line))
     assert set(read(LOG, out, can=OPTIONS).channels) == {"vehicle_speed"}
     capsys.readouterr()

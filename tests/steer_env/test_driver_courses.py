@@ -55,17 +55,15 @@ def test_the_obstacle_is_avoided_without_a_cone(driver, kph, chassis, control_dt
 
 
 @pytest.mark.parametrize(
-    ("car", "chassis", "control_dt"),
+    ("car", "driver", "chassis", "control_dt"),
     [
         pytest.param(*each, marks=[] if each[0] == "bmw_320i" else pytest.mark.whole)
-        for each in pairs(product(cars.available(), CHASSIS, CONTROL_DT))
+        for each in pairs(product(cars.available(), DRIVERS, CHASSIS, CONTROL_DT))
     ],
 )
-def test_every_car_is_taken_through_the_double_lane_change(car, chassis, control_dt):
+def test_every_car_is_taken_through_the_double_lane_change(car, driver, chassis, control_dt):
     """ISO 3888-1 at 80 km/h, with one effort and one preview time for all cars."""
-    for driver in DRIVERS:
-        kwargs = {"vehicle": car, "chassis": chassis, "control_dt": control_dt}
-        assert not any(cones(LANE_CHANGE, driver, n=12, **kwargs)), driver
+    assert not any(cones(LANE_CHANGE, driver, n=12, vehicle=car, chassis=chassis, control_dt=control_dt))
 
 
 def test_two_points_take_the_lane_change_up_to_55():
@@ -95,9 +93,13 @@ def test_an_informed_driver_in_the_loop_is_told_as_well():
     assert not np.allclose(gains[True, 300.0], gains[True, 0.0], rtol=0.02)
 
 
-@pytest.mark.parametrize("speed", [10.0, 30.0, 60.0])
-@pytest.mark.parametrize("driver", ["preview", "robot", "macadam"])
-@pytest.mark.parametrize("name", ["DriverLaneKeeping", pytest.param("DriverWindingRoad", marks=pytest.mark.whole)])
+@pytest.mark.parametrize(
+    ("name", "driver", "speed"),
+    [
+        pytest.param(*each, marks=[] if each[0] == "DriverLaneKeeping" else pytest.mark.whole)
+        for each in pairs(product(("DriverLaneKeeping", "DriverWindingRoad"), DRIVERS, (10.0, 30.0, 60.0)))
+    ],
+)
 def test_a_held_torque_keeps_the_lane_as_well(name, driver, speed):
     """At 50 ms the offset is at most a tenth and a centimetre more than at 10 ms, and no handwheel oscillates.
 

@@ -3,7 +3,6 @@
 import itertools
 import math
 import os
-import pickle
 import re
 import subprocess
 import sys
@@ -30,18 +29,19 @@ from steer_env.vehicle import tyre as tyres
 from steer_env.vehicle.chassis import two_track
 
 IDS = tuple(DRIVEN)
-# Every id on every chassis that it runs on.
-RUNS = [(id_of(name), chassis) for name in tasks.available() for chassis in tasks.task(name).chassis]
-ALL_ROUND = "steer_env/AssistAllRound-v3"
 TUNED_ID = "steer_env/TuneOnCentre-v3"
 ACTION = np.array([0.1], np.float32)
-# Every id and chassis with the default law; in the whole suite with two others as well, so that every law meets both
-# chassis and every id three laws.
-OTHERS = [law for law in friction.available() if law != "lugre"]
-CHECKED = [(*run, "lugre") for run in RUNS] + [
-    pytest.param(*run, law, marks=pytest.mark.whole)
-    for chassis in ("single_track", "two_track")
-    for law, run in zip(OTHERS, itertools.cycle([run for run in RUNS if run[1] == chassis]))
+CHASSIS = ("single_track", "two_track")
+# Every id on the chassis that is not its default, with which test_gymnasium_suite.py checks it; in the whole suite
+# every other law with the next of these ids, on either chassis in turn.
+OTHERS = [(law, chassis) for law, chassis in zip(friction.available(), itertools.cycle(CHASSIS)) if law != "lugre"]
+ON_BOTH = [name for name in tasks.available() if len(tasks.task(name).chassis) > 1]
+CHECKED = [
+    *((name, tasks.task(name).chassis[1], "lugre") for name in ON_BOTH),
+    *(
+        pytest.param(name, chassis, law, marks=pytest.mark.whole)
+        for name, (law, chassis) in zip(itertools.cycle(ON_BOTH), OTHERS)
+    ),
 ]
 
 
@@ -61,14 +61,9 @@ def run(env, steps, seed=3):
     return np.concatenate([np.ravel(part) for part in seen])
 
 
-def test_every_law_is_checked_on_every_chassis():
-    met = {tuple(getattr(row, "values", row))[1:] for row in CHECKED}
-    assert met == set(itertools.product(("single_track", "two_track"), friction.available()))
-
-
 @pytest.mark.parametrize(("name", "chassis", "law"), CHECKED)
 def test_gymnasium_accepts(name, chassis, law):
-    env = gym.make(name, friction=law, chassis=chassis)
+    env = gym.make(id_of(name), friction=law, chassis=chassis)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check_env(env.unwrapped)
@@ -86,15 +81,6 @@ def test_a_new_law_drives_an_environment(toy):
     assert "toy_jenkins" in friction.available()
     env = gym.make("steer_env/AssistWeave-v3", friction=toy.make(k=80.0))
     assert np.isfinite(run(env, 100)).all()
-
-
-@pytest.mark.parametrize("name", IDS)
-def test_same_seed_same_run(name):
-    one, two = gym.make(name), gym.make(name)
-    assert np.array_equal(run(one, 200), run(two, 200))
-    assert np.array_equal(run(one, 200), run(two, 200))  # and again after a reset
-    # A cycle of the weave looks much the same; its amplitude does not.
-    assert not np.array_equal(run(one, 200, seed=4), run(two, 200))
 
 
 RUN = """
@@ -225,17 +211,6 @@ def test_own_car_and_tyre(tmp_path):
     assert loads == pytest.approx(1400.0 * 9.80665 - lift, rel=1e-5)  # not quite settled
 
 
-def test_weave_truncates_after_its_duration():
-    env = gym.make("steer_env/AssistWeave-v3", control_dt=0.1)
-    env.reset(seed=0)
-    for step in range(1, 201):
-        _, _, terminated, truncated, _ = env.step(ACTION)
-        assert not terminated
-        assert truncated == (step == 200)
-    with pytest.raises(RuntimeError, match="call reset"):
-        env.unwrapped.step(ACTION)
-
-
 def test_reset_options_fix_the_case():
     env = gym.make("steer_env/AssistWeave-v3")
     env.reset(seed=0, options={"amplitude": 0.1})
@@ -254,19 +229,16 @@ def test_reset_options_fix_the_case():
     ("arguments", "message"),
     [
         ({"friction": "lugree"}, r"unknown friction law 'lugree'.*lugre"),
-        ({"friction": 3.0}, r"3\.0 is not a set of friction parameters"),
         ({"speed": 200.0}, r"speed \[m/s\] must be .*at most (70|3), got 200"),
         ({"speed": -1.0}, r"speed \[m/s\] must be .*at least"),
         ({"speed": float("nan")}, r"speed \[m/s\] must be .*got nan"),
         ({"vehicle": "tank"}, r"vehicle must be a .toml or .json file or one of bmw_320i, .*, got 'tank'"),
         ({"control_dt": "0.01"}, r"control_dt \[s\] must be a number, got '0\.01'"),
         ({"speed": "20"}, r"speed \[m/s\] must be a number, got '20'"),
-        ({"speed": True}, r"speed \[m/s\] must be a number, got True"),
         ({"randomise": {"load": ("0", 100)}}, r"randomise\['load'\] must be a number, got '0'"),
         ({"control_dt": 0.0015}, r"1, 2 or 5 ms or a multiple of 10 ms, got 0\.0015"),
         ({"control_dt": 0.015}, r"1, 2 or 5 ms or a multiple of 10 ms, got 0\.015"),
         ({"chassis": "hovercraft"}, r"chassis must be one of single_track, two_track, got 'hovercraft'"),
-        ({"driver": "nobody"}, r"driver"),
         ({"weights": {"feell": 1.0}}, r"no reward term 'feell'; there are"),
         ({"weights": [1.0]}, r"weights must map reward terms to numbers, got \[1\.0\]"),
         ({"randomise": {"friction": {"F_c": (1, 2), "F_s": (1, 2)}}}, r"(F_s|sigma_2) must be at least"),
@@ -275,27 +247,15 @@ def test_reset_options_fix_the_case():
             {"randomise": {"load": (200, 100)}},
             r"randomise\['load'\] must be \(low, high\) with low <= high, got \(200, 100\)",
         ),
-        ({"randomise": {"load": 3}}, r"randomise\['load'\] must be \(low, high\), got 3"),
         ({"randomise": {"load": (0, 9000)}}, r"randomise\['load'\] must be .*at most 500, got 9000"),
         ({"randomise": {"friction": {"F_x": (1, 2)}}}, r"'lugre' has no parameter 'F_x'"),
         ({"randomise": {"friction": {"F_c": (-1, 2)}}}, r"F_c must be .*got -1"),
         ({"control_dt": 1.0}, r"control_dt \[s\] must be .*at most 0\.1"),
     ],
 )
-@pytest.mark.parametrize("name", IDS)
-def test_bad_arguments(name, arguments, message):
-    if "speed" in arguments and name == ALL_ROUND:
-        message = "draws its speeds with its scenarios: leave speed out"
+def test_bad_arguments(arguments, message):
     with pytest.raises(ValueError, match=message):
-        gym.make(name, **arguments)
-
-
-@pytest.mark.parametrize("name", IDS)
-def test_unknown_keywords_are_refused(name):
-    with pytest.raises(TypeError, match="frictoin"):
-        gym.make(name, frictoin="lugre")
-    with pytest.raises(TypeError, match=r"unexpected keyword argument 'threads'.*friction, speed"):
-        gym.make(name, threads=0)  # a vector environment's
+        gym.make("steer_env/AssistWeave-v3", **arguments)
 
 
 @pytest.mark.parametrize("name", [IDS[0], TUNED_ID])
@@ -329,17 +289,16 @@ def test_bad_actions(action, message):
         env.step(action)
 
 
-@pytest.mark.parametrize("name", [IDS[0], TUNED_ID])
-def test_actions_in_the_forms_that_gymnasium_takes(name):
+def test_actions_in_the_forms_that_gymnasium_takes():
     """A list, a tuple and numbers of double precision act as the array does."""
-    env = gym.make(name)
+    env = gym.make(IDS[0])
     action = 0.25 * np.ones(env.action_space.shape, np.float32)
     env.reset(seed=0)
     expected = env.step(action)[0]
     for given in (action.tolist(), tuple(action.tolist()), action.astype(float)):
         env.reset(seed=0)
         assert np.array_equal(env.unwrapped.step(given)[0], expected)
-    vector = gym.make_vec(name, num_envs=1)
+    vector = gym.make_vec(IDS[0], num_envs=1)
     vector.reset(seed=0)
     assert np.array_equal(vector.step([action.tolist()])[0][0], expected)
     vector.close()
@@ -354,9 +313,8 @@ def test_a_tensor_is_an_action():
         env.step(torch.zeros(1, requires_grad=True))
 
 
-@pytest.mark.parametrize("name", [IDS[0], TUNED_ID])
-def test_no_step_after_close(name):
-    env, vector = gym.make(name).unwrapped, gym.make_vec(name, num_envs=2)
+def test_no_step_after_close():
+    env, vector = gym.make(IDS[0]).unwrapped, gym.make_vec(IDS[0], num_envs=2)
     for each in (env, vector):
         each.reset(seed=0)
         each.close()
@@ -382,43 +340,15 @@ def test_a_state_that_turns_nan_ends_the_episode_and_is_named():
             env.failure_text(code)
 
 
-def cells(text, section):
-    """Rows of the table under a heading of a docstring, without head and rule."""
-    lines = re.findall(r"^\| (.*) \|$", text.split(f"## {section}\n")[1].split("\n## ")[0], flags=re.MULTILINE)
-    return [line.split(" | ") for line in lines[2:]]
-
-
-@pytest.mark.parametrize("name", IDS)
-def test_docstring_tables_match_the_environment(name):
-    env = gym.make(name).unwrapped
-    observed = cells(env.__doc__, "Observation")
-    assert [int(row[0]) for row in observed] == list(range(env.observation_space.shape[0]))
-    bounds = env.observation_space.high * env.observation_scale
-    assert [float(row[2]) for row in observed] == pytest.approx(bounds.tolist(), rel=1e-5)
-    assert float(cells(env.__doc__, "Action")[0][2]) == env.task.action.scale
-    env.reset(seed=0)
-    truncated = terminated = False
-    while not (truncated or terminated):
-        *_, terminated, truncated, info = env.step(ACTION)
-    assert [float(row[3]) for row in observed] == pytest.approx([quantity.usual for quantity in env.batch.observed])
-    for section, key in (("Reward", "reward_terms"), ("Cost", "cost_terms"), ("Metrics", "metrics")):
-        assert [row[0].strip("`") for row in cells(env.__doc__, section)] == list(info[key])
-    for option in cells(env.__doc__, "Arguments"):
-        assert option[0].strip("`") in {*env.task.options, *randomise.RANGES}
-
-
-@pytest.mark.parametrize("name", IDS)
-def test_weights_replace_the_tasks(name):
+def test_weights_replace_the_tasks():
+    name = "steer_env/AssistWeave-v3"
     plain, other = gym.make(name, control_dt=0.01), gym.make(name, control_dt=0.01, weights={"effort": 7.0})
     plain.reset(seed=0)
     other.reset(seed=0)
     *_, a = plain.step(ACTION)
     *_, b = other.step(ACTION)
-    counted = 0.01  # seconds of driving; on a path the progress, up to 0.5 % less, as the two-track car starts
-    if "Release" in name:  # a share of it before the release, in proportion to the quality of the hand torque
-        counted = a["reward_terms"]["ripple"] / 0.15
     quality = 1.0 / math.sqrt(1.0 + (0.1 / terms.ACTION_SCALE) ** 2)
-    assert b["reward_terms"]["effort"] == pytest.approx(7.0 * counted * quality, rel=5e-3)
+    assert b["reward_terms"]["effort"] == pytest.approx(7.0 * 0.01 * quality, rel=1e-9)  # in 10 ms
     assert {k: v for k, v in a["reward_terms"].items() if k != "effort"} == {
         k: v for k, v in b["reward_terms"].items() if k != "effort"
     }
@@ -479,9 +409,7 @@ def test_what_is_drawn_changes_the_car_and_an_option_fixes_it():
     assert end({}) != usual
 
 
-@pytest.mark.parametrize(
-    ("law", "chassis"), list(zip(friction.available(), itertools.cycle(["single_track", "two_track"])))
-)
+@pytest.mark.parametrize(("law", "chassis"), [("lugre", "single_track"), ("masing", "two_track")])
 def test_friction_does_not_act_straight_ahead(law, chassis):
     """A draw of friction alone begins as the plant that was driven straight with it, to the bit."""
     options = {"friction_level": 1.7, "friction_load": 0.2, "friction_asymmetry": 0.2, "friction_position": 0.3}
@@ -522,8 +450,9 @@ def test_an_episode_that_was_refused_is_over():
     envs.step(np.zeros((4, 1), np.float32))
 
 
-@pytest.mark.parametrize("env_id", ["AssistLaneKeeping", "AssistWeave", "DriverLaneKeeping"])
-@pytest.mark.parametrize("chassis", ["single_track", "two_track"])
+@pytest.mark.parametrize(
+    ("env_id", "chassis"), [("AssistLaneKeeping", "single_track"), ("DriverLaneKeeping", "two_track")]
+)
 def test_a_drawn_plant_is_that_of_its_car(env_id, chassis):
     env = gym.make(id_of(env_id), friction="masing", chassis=chassis)
     batch = env.unwrapped.batch
@@ -564,23 +493,3 @@ def test_noise_has_its_size_and_a_delay_its_age():
     for k, quantity in enumerate(env.batch.observed):
         assert errors[:, k].std() == pytest.approx(randomise.SENSOR_NOISE.get(quantity.name, 0.0), rel=0.08, abs=1e-6)
         assert abs(errors[:, k].mean()) < 4.0 * randomise.SENSOR_NOISE.get(quantity.name, 0.0) / 38.0 + 1e-6
-
-
-@pytest.mark.parametrize("name", IDS)
-def test_specification_survives_pickling(name):
-    env = pickle.loads(pickle.dumps(gym.make(name, friction="masing").spec)).make()
-    assert np.array_equal(run(env, 20), run(gym.make(name, friction="masing"), 20))
-
-
-@pytest.mark.parametrize("name", IDS)
-def test_gymnasium_vectorises(name):
-    """Gymnasium's own vector environment seeds sub-environment i with seed + i."""
-    vector = gym.make_vec(name, num_envs=2, vectorization_mode="sync", friction="masing")
-    observations, _ = vector.reset(seed=5)
-    single = gym.make(name, friction="masing")
-    assert np.array_equal(observations[1], single.reset(seed=6)[0])
-    for _ in range(10):
-        observations, *_ = vector.step(np.tile(ACTION, (2, 1)))
-        observation, *_ = single.step(ACTION)
-    assert np.array_equal(observations[1], observation)
-    vector.close()

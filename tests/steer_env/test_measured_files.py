@@ -426,7 +426,7 @@ def test_matlab_files_that_are_refused(tmp_path):
 
 
 @pytest.mark.parametrize("suffix", [".mat", ".mf4", ".parquet"])
-@pytest.mark.parametrize("part", [0.0, 0.0001, 0.01, 0.5, 0.98])
+@pytest.mark.parametrize("part", [0.0, 0.5])
 def test_a_truncated_file_is_refused(weave, tmp_path, suffix, part):
     path = tmp_path / f"run{suffix}"
     write(weave, path)
@@ -443,10 +443,3 @@ def test_truncated_text_is_refused(weave, tmp_path):
     assert re.search(r"line 3001, column '\w+': expected 5 values separated by ',', got [1-4]", refusal(path))
     path.write_text(lines[0])
     assert "line 2, column 'time_s': expected at least two rows, got 0" in refusal(path)
-
-
-@pytest.mark.parametrize("suffix", [".mat", ".mf4", ".mdf", ".csv", ".parquet"])
-def test_something_else_under_that_suffix_is_refused(tmp_path, suffix):
-    path = tmp_path / f"run{suffix}"
-    path.write_bytes(np.random.default_rng(0).bytes(5000))
-    refusal(path)

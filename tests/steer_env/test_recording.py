@@ -154,11 +154,6 @@ def test_a_delay_moves_one_channel_and_trims_all(weave, seconds):
     assert np.isfinite(moved["yaw_rate"]).all()
 
 
-def test_a_delay_back_and_forth_gives_the_samples_again(weave):
-    again = weave.delayed("yaw_rate", 0.05).delayed("yaw_rate", -0.05)
-    np.testing.assert_allclose(again["yaw_rate"], weave.between(0.05, 9.95)["yaw_rate"], atol=1e-12)
-
-
 def test_a_delay_invents_nothing_where_rows_are_missing(weave):
     """Whole before and after the gap of 4.00 to 6.00 s; what comes out of the gap is NaN."""
     kept = (weave.time <= 4.0) | (weave.time >= 6.0)

@@ -10,7 +10,6 @@ from steer_env.metrics.common import events, noise
 from steer_env.metrics.common.filtered_channels import FilteredChannels
 from steer_env.recording.recording import DEGREE, Recording
 from steer_env.vehicle import cars
-from tests.by_law import EACH_LAW
 from tests.steer_env.checks import burst, check, refusals
 from tests.synthetic.faults import noisy
 from tests.synthetic.recordings import changed, mirrored, recording
@@ -176,7 +175,7 @@ def test_less_motor_damping_and_less_speed_move_the_catch_up():
     assert metrics.evaluate(slow)["catch_up_rate"].reason.startswith("not reached up to 1")
 
 
-@pytest.mark.parametrize("law", EACH_LAW)
+@pytest.mark.parametrize("law", ["lugre", "viscous"])
 def test_hold_reads_what_the_simulation_shows(law):
     """The peak to peak of the unfiltered torque from 2 s into the hold on, within 3 %."""
     run = manoeuvres.drive(cars.load(), manoeuvres.make("hold"), law)
@@ -195,6 +194,3 @@ def test_catch_up_sweeps_as_it_says():
     assert np.abs(angle).max() == pytest.approx(270 * DEGREE, rel=1e-4)
     assert np.abs(np.gradient(angle, 1e-3) - speed)[2:-2].max() < 0.1
     assert np.abs(speed).max() == pytest.approx(np.radians(700.0), rel=0.01)
-    rolling = manoeuvres.make("catch-up", speed=30 / 3.6)
-    assert rolling.definition.endswith("at 30 km/h.")
-    assert replace(rolling, speed=0.0).definition.endswith("at standstill.")

@@ -6,6 +6,7 @@ import pickle
 import subprocess
 import sys
 from functools import partial
+from itertools import cycle
 
 import gymnasium as gym
 import numpy as np
@@ -13,10 +14,9 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 from steer_env import friction
-from steer_env.drivers import DriverBatch, make
 from steer_env.engine.kernels import advance, evaluate
 from steer_env.friction.numerics.kernel import COMPILED
-from steer_env.registration import DRIVEN, TUNED
+from steer_env.registration import DRIVEN
 from steer_env.vehicle import road
 
 LANE, WEAVE = "steer_env/DriverLaneKeeping-v3", "steer_env/AssistWeave-v3"
@@ -44,7 +44,8 @@ def by_deepcopy(env, make_other):
     return copy.deepcopy(env)
 
 
-WAYS = pytest.mark.parametrize("way", [by_state, by_pickle, by_deepcopy])
+WAYS = [by_state, by_pickle, by_deepcopy]
+every_way = pytest.mark.parametrize("way", WAYS)
 
 
 def equal(one, other):
@@ -88,8 +89,7 @@ def test_what_differs_is_seen():
     assert not equal({"a": None}, {"a": 1.0})
 
 
-@WAYS
-@pytest.mark.parametrize("name", DRIVEN)
+@pytest.mark.parametrize(("name", "way"), list(zip(DRIVEN, cycle(WAYS))))
 def test_a_copy_goes_on_to_the_bit(name, way):
     """From the first and from a later step, with everything drawn; the original is stepped first."""
     made = partial(gym.make, name, randomise=EVERYTHING, control_dt=0.02)
@@ -103,7 +103,7 @@ def test_a_copy_goes_on_to_the_bit(name, way):
         assert other.unwrapped.np_random_seed == 3
 
 
-@WAYS
+@every_way
 def test_a_copy_between_two_updates_of_a_driver_model(way):
     """At 1 ms the driver model acts at every tenth step."""
     made = partial(gym.make, "steer_env/AssistLaneKeeping-v3", randomise=EVERYTHING, control_dt=0.001)
@@ -113,7 +113,7 @@ def test_a_copy_between_two_updates_of_a_driver_model(way):
     assert equal(go_on(way(env, made), 20), go_on(env, 20))
 
 
-@WAYS
+@every_way
 def test_the_end_of_an_episode_is_copied(way):
     """At its last step, after it, and into the next episodes, whose draws are the generator's."""
     made = partial(gym.make, LANE, randomise=EVERYTHING, control_dt=0.1)
@@ -135,8 +135,7 @@ def test_the_end_of_an_episode_is_copied(way):
     assert equal(go_on(env, 60), go_on(after, 60))
 
 
-@WAYS
-@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize(("mode", "way"), list(zip(MODES, WAYS)))
 def test_a_copied_vector_goes_on_to_the_bit(mode, way):
     """Through the ends of episodes at different times, from every moment around them."""
     made = partial(gym.make_vec, LANE, num_envs=3, randomise=EVERYTHING, control_dt=0.1, autoreset_mode=mode, threads=2)
@@ -175,7 +174,7 @@ def test_what_has_not_begun_is_copied(way):
         one.unwrapped.step(np.zeros(1, np.float32))
 
 
-@pytest.mark.parametrize("name", [*DRIVEN, *TUNED])
+@pytest.mark.parametrize("name", DRIVEN)
 def test_gymnasiums_own_test_of_pickling(name):
     """Its ``test_pickle_env``; with seeds, which make the comparison one to the bit."""
     env = gym.make(name)
@@ -204,14 +203,13 @@ def test_a_tuning_environment_is_copied_in_an_episode(way):
 
 
 @pytest.mark.skipif(not COMPILED, reason="nothing is compiled")
-@pytest.mark.parametrize("way", [by_pickle, by_deepcopy])
-def test_a_copy_compiles_nothing(way):
+def test_a_copy_compiles_nothing():
     """Arrays of a copy have the types of the original: a Masing set, a driver model and a road of its own."""
     arguments = {"friction": "masing", "chassis": "two_track", "road": road.iso8608(1, "B")}
     env = gym.make("steer_env/AssistLaneChange-v3", **arguments)
     env.reset(seed=0)
     compiled = [len(kernel.overloads) for kernel in (advance, evaluate)]
-    other = way(env, None)
+    other = by_pickle(env, None)
     assert equal(go_on(env, 20), go_on(other, 20))
     assert equal(env.reset(seed=1), other.reset(seed=1))
     assert [len(kernel.overloads) for kernel in (advance, evaluate)] == compiled
@@ -333,18 +331,7 @@ def test_a_state_of_another_driver_law_version_or_size_is_refused():
         state.row(1)
 
 
-def test_drivers_that_have_driven_are_copied():
-    """Their kernel is looked up again."""
-    env = gym.make("steer_env/AssistLaneKeeping-v3", driver=make("two_point")).unwrapped
-    env.reset(seed=0)
-    go_on(env, 10)
-    copied = copy.deepcopy(env.batch.drivers)
-    assert isinstance(copied, DriverBatch)
-    assert np.array_equal(copied.arrays.memory, env.batch.drivers.arrays.memory)
-    assert not np.shares_memory(copied.arrays.memory, env.batch.drivers.arrays.memory)
-
-
-@WAYS
+@every_way
 def test_pictures_of_a_copy(way):
     """A pickled picture shows the same; a state brings no trace along."""
     made = partial(gym.make, LANE, render_mode="rgb_array")

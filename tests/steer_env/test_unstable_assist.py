@@ -1,7 +1,6 @@
 """An assist loop that is unstable in a manoeuvre is refused before it is driven, with its cause and a stable value."""
 
 import re
-import time
 
 import pytest
 
@@ -30,10 +29,8 @@ def test_a_torsion_bar_too_stiff_is_named(stiffness):
     ("test", "key", "value"),
     [
         ("weave", "inertia_compensation", 0.05),
-        ("step-steer", "inertia_compensation", 0.04),
         ("parking", "inertia_compensation", 0.03),
         ("weave", "lead_lag_gain", -0.3),
-        ("step-steer", "lead_lag_gain", -0.3),
         ("weave", "lead_lag_gain", 3.0),
         ("release", "lead_lag_gain", -0.15),  # stable as long as the handwheel is held
         ("release", "handwheel_damping", 10.0),
@@ -82,14 +79,6 @@ def test_packaged_cars_are_stable_in_every_manoeuvre(name):
     for speed in {*car.assist.speeds, *(manoeuvres.make(test).speed for test in manoeuvres.available())}:
         for free in (False, True):
             assert stability.growth(car.column, car.assist, speed, free) < 0.995
-
-
-def test_the_check_takes_little():
-    stability.reason(CAR.column, CAR.assist, 20.0, free=True)
-    start = time.process_time()
-    for speed in range(20):
-        stability.reason(CAR.column, CAR.assist, float(speed), free=True)
-    assert (time.process_time() - start) / 20 < 0.02
 
 
 def test_a_stiff_bar_without_assist_drives():

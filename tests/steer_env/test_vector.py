@@ -1,7 +1,6 @@
 """Every sub-environment of a vector environment is bit-identical to the single environment."""
 
 import os
-import pickle
 import tracemalloc
 import warnings
 from itertools import cycle
@@ -91,62 +90,6 @@ def test_threads_survive_a_fork():
     assert np.array_equal(runs(vector), here)
 
 
-def ending(mode):
-    """A vector environment before the last step of the weave in every sub-environment."""
-    vector = make(WEAVE, n=2, control_dt=0.1, autoreset_mode=mode)
-    vector.reset(seed=0)
-    for _ in range(199):
-        *_, truncated, _ = vector.step(np.zeros((2, 1), np.float32))
-        assert not truncated.any()
-    return vector
-
-
-def test_autoreset_at_the_next_step():
-    vector = ending("NextStep")
-    last, _, _, truncated, info = vector.step(np.zeros((2, 1), np.float32))
-    assert truncated.all()
-    assert np.isfinite(info["metrics"]["rms_feel_error"]).all()
-    first, rewards, _, truncated, _ = vector.step(np.ones((2, 1), np.float32))
-    assert not truncated.any()
-    assert not rewards.any()
-    assert not np.array_equal(first, last)
-
-
-def test_autoreset_at_once():
-    other = ending("NextStep")
-    last = other.step(np.zeros((2, 1), np.float32))[0]
-    after = other.step(np.zeros((2, 1), np.float32))[0]
-    vector = ending(AutoresetMode.SAME_STEP)
-    first, _, _, truncated, info = vector.step(np.zeros((2, 1), np.float32))
-    assert truncated.all()
-    assert info["_final_obs"].all()
-    assert np.array_equal(np.stack(info["final_obs"]), last)
-    assert np.array_equal(first, after)
-    assert info["final_info"]["metrics"]["rms_feel_error"].shape == (2,)
-    assert info["final_info"]["handwheel_angle"].shape == (2,)
-
-
-def test_no_autoreset():
-    vector = ending(AutoresetMode.DISABLED)
-    vector.step(np.zeros((2, 1), np.float32))
-    with pytest.raises(RuntimeError, match="call reset"):
-        vector.step(np.zeros((2, 1), np.float32))
-    before = vector.batch.arrays.observations[1].copy()
-    after, _ = vector.reset(options={"reset_mask": np.array([True, False])})
-    assert np.array_equal(after[1], before)
-    with pytest.raises(RuntimeError, match="call reset"):
-        vector.step(np.zeros((2, 1), np.float32))
-    vector.reset(options={"reset_mask": np.array([False, True])})
-    vector.step(np.zeros((2, 1), np.float32))
-
-
-def test_seeds_one_by_one():
-    vector = make(WEAVE, n=2)
-    one, _ = vector.reset(seed=[5, 9], options={"amplitude": 0.2})
-    other, _ = vector.reset(seed=[5, 9], options={"amplitude": 0.2})
-    assert np.array_equal(one, other)
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -232,13 +175,6 @@ def test_bad_calls():
             vector.reset(seed=seed)
     with pytest.raises(TypeError, match="unexpected keyword argument 'frictoin'"):
         gym.make_vec(WEAVE, num_envs=2, frictoin="lugre")
-
-
-def test_specification_survives_pickling():
-    vector = make(WEAVE, n=2, friction="masing")
-    again = gym.make_vec(pickle.loads(pickle.dumps(vector.spec)))
-    assert np.array_equal(again.reset(seed=2)[0], vector.reset(seed=2)[0])
-    assert again.num_envs == 2
 
 
 def test_a_controller_drives_every_sub_environment():

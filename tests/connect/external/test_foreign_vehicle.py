@@ -181,36 +181,6 @@ def test_a_link_and_a_file_that_is_no_archive_are_refused(vehicle):
         FmuVehicle(vehicle)
 
 
-def test_a_damaged_unit_is_refused_or_whole(vehicle):
-    """Bytes changed, and the end cut off: a sentence that names the file, unless nothing that counts was hit."""
-    unit, rng, refused = vehicle.with_name("foreign.fmu"), np.random.default_rng(4), 0
-    whole = unit.read_bytes()
-    names = len(whole) - whole.rindex(b"PK\x01\x02") + 400  # beginning with the last names, where most of it counts
-    for case in range(120):
-        damaged = bytearray(whole)
-        for place in rng.integers(len(whole) - names if case % 2 else 0, len(whole), 3):
-            damaged[place] = rng.integers(256)
-        unit.write_bytes(damaged[: len(whole) - (case % 5 == 0) * int(rng.integers(1, names))])
-        try:
-            FmuVehicle(vehicle, own_process=False).close()
-        except ValueError as error:
-            refused += str(unit) in str(error)
-    assert refused > 80
-
-
-@pytest.mark.parametrize("method", [zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
-def test_a_description_that_does_not_unpack_is_refused(vehicle, method):
-    unit = vehicle.with_name("foreign.fmu")
-    with zipfile.ZipFile(unit, "w", method) as archive:
-        archive.writestr("modelDescription.xml", foreign.description())
-    data = bytearray(unit.read_bytes())
-    start = 30 + len("modelDescription.xml")
-    data[start : start + 12] = b"\xff" * 12
-    unit.write_bytes(data)
-    with pytest.raises(ValueError, match=f"{re.escape(str(unit))} is no FMU, which is a zip archive, or it is damaged"):
-        FmuVehicle(vehicle)
-
-
 def test_a_lateral_acceleration_that_stays_zero_is_refused(vehicle):
     """As an integrator's first unit has it."""
 
@@ -281,13 +251,9 @@ def test_where_no_external_vehicle_can_be(vehicle):
 
 
 @pytest.mark.whole
-def test_command_line(vehicle, tmp_path, capsys):
+def test_command_line(vehicle, tmp_path):
     assert main(["run", "weave", "--chassis", str(vehicle), "--out", str(tmp_path)]) == 0
-    assert "torque_at_0g" in capsys.readouterr().out
     assert main(["rerun", str(tmp_path / "weave.csv")]) == 0
     for word in ("three_track", str(tmp_path / "missing.fmu")):
         with pytest.raises(SystemExit):
             main(["run", "weave", "--chassis", word])
-    assert "there is no file" in capsys.readouterr().err
-    assert main(["run", "crosswind", "--chassis", str(vehicle), "--out", str(tmp_path)]) == 2
-    assert "needs the input wind_force" in capsys.readouterr().err

@@ -4,13 +4,11 @@ import ctypes
 import dataclasses
 import json
 import math
-import re
 import shutil
 import subprocess
 import sys
 import time
 import zipfile
-from datetime import datetime, timezone
 from itertools import product
 from pathlib import Path
 
@@ -123,41 +121,11 @@ def test_description_has_units_and_the_start_values_of_python(weave):
     }
 
 
-SIGNED = re.compile("positive|increase|decrease")  # words that say which sign means what
-
-
-# The steering has all that differs by the law.
-@pytest.mark.parametrize(
-    ("subsystem", "law"),
-    [
-        *(("car", law) for law in ("lugre", WORM)),
-        ("chassis", "lugre"),
-        *(("steering", law) for law in friction.available()),
-    ],
-)
-def test_every_variable_says_what_it_is_and_where_it_is_positive(subsystem, law):
-    """Each description has more words than the name, and no two parameters of a part have the same."""
-    data = cars.load("compact").data()
-    if subsystem == "steering":
-        functions = ("return_gain", "handwheel_damping", "inertia_compensation", "lead_lag_gain", "friction_share")
-        data["assist"] |= dict.fromkeys(functions, 0.005)
-    for chassis in CHASSIS:
-        listed = variables(subsystems.make(subsystem, cars.load(data).plant(law, 20.0, chassis=chassis), 20.0), 3)
-        for v in listed:
-            words = v.description.lower().replace("_", " ")
-            assert words not in (v.name.replace("_", " "), v.name.rpartition(".")[2].replace("_", " ")), v
-            assert not re.match("(of|its|their|along|rear$|lateral$|full) ", words), v
-            if v.low < 0.0 and v.use in ("INPUT", "OUTPUT"):
-                assert SIGNED.search(words), v
-            elif math.isfinite(v.low) and v.low < 0.0:
-                assert SIGNED.search(words) or "temperature" in words, v
-            assert v.boolean or v.low <= v.start <= v.high, v
-        told = [v.description for v in listed if v.array == "NUMBERS" and not v.name.startswith(("tyre.", "friction."))]
-        assert len(set(told)) == len(told), sorted(text for text in told if told.count(text) > 1)
-
-
 ACTING = {  # so that every parameter matters
-    "upper_column": {"law": "coulomb", "F_c": 0.1, "position": 0.2, "temperature_rate": 0.01, "temperature_rise": 10.0},
+    "upper_column": {
+        **{"law": "lugre", "F_c": 0.1, "F_s": 0.12, "sigma_1": 0.02, "sigma_2": 0.01},
+        **{"position": 0.2, "temperature_rate": 0.01, "temperature_rise": 10.0},
+    },
     "gear": {"law": "masing", "efficiency": 0.88, "position": 0.2, "temperature_rate": 0.01, "temperature_rise": 10.0},
 }
 
@@ -213,40 +181,21 @@ def test_bounds_are_enforced_and_a_refused_call_takes_nothing(weave, tmp_path):
             unit.setReal([references[name]], before[1:])
 
 
-@pytest.mark.parametrize(("name", "value"), [("throttle_request", 5.0), ("brake_request", -0.1), ("coast", 7.0)])
-def test_pedals_beyond_their_range_are_refused(name, value, standing, tmp_path):
-    from fmpy.fmi1 import FMICallException
-
-    with opened(standing, tmp_path) as (unit, references, said):
-        begin(unit)
-        with pytest.raises(FMICallException):
-            unit.setReal([references[name]], [value])
-        assert f"{name} must be at" in said[-1]
-        assert unit.getReal([references[name]]) == [0.0]
-
-
-@pytest.fixture(scope="module")
-def standing(tmp_path_factory):
-    """A unit on two tracks at standstill."""
-    return fmu.export(tmp_path_factory.mktemp("standing") / "car.fmu", friction="lugre", chassis="two_track", speed=0.0)
-
-
-def test_types_have_quantities_and_what_a_driver_reads(standing):
-    description = fmpy.read_model_description(str(standing))
+def test_types_have_quantities_and_what_a_driver_reads(weave):
+    description = fmpy.read_model_description(str(weave[1]))
     listed = {v.name: v for v in description.modelVariables}
     named = {name: v.declaredType for name, v in listed.items() if v.declaredType is not None}
     assert all(
         kind.quantity and float(kind.nominal) > 0.0 and kind.unit == listed[name].unit for name, kind in named.items()
     )
-    assert {v.unit for name, v in listed.items() if name not in named and v.causality == "output"} == {"1"}
-    shown = {"handwheel_angle": "deg", "yaw_rate": "deg/s", "longitudinal_speed": "km/h", "chassis.body.speed": "km/h"}
+    shown = {"handwheel_angle": "deg", "yaw_rate": "deg/s", "chassis.v_x": "km/h"}
     assert {name: named[name].displayUnit for name in shown} == shown
     factors = {each.name: float(each.factor) for unit in description.unitDefinitions for each in unit.displayUnits}
     assert factors == {"deg": pytest.approx(180.0 / math.pi), "deg/s": factors["deg"], "km/h": 3.6, "mm": 1000.0}
 
 
 def test_the_same_export_gives_the_same_bytes(tmp_path, monkeypatch):
-    """With the date from outside; without, the date is that of the export."""
+    """With the date from outside."""
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "86400")
     first, again = (
         fmu.export(tmp_path / name, subsystem="steering", platforms=["linux64", "source"], fmi=3)
@@ -261,10 +210,6 @@ def test_the_same_export_gives_the_same_bytes(tmp_path, monkeypatch):
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "yesterday")
     with pytest.raises(ValueError, match="SOURCE_DATE_EPOCH must be a whole number of seconds"):
         fmu.export(tmp_path / "car.fmu", subsystem="steering")
-    monkeypatch.delenv("SOURCE_DATE_EPOCH")
-    now = datetime.now(timezone.utc)
-    made = fmpy.read_model_description(str(fmu.export(tmp_path / "now.fmu", subsystem="steering")))
-    assert abs(datetime.fromisoformat(made.generationDateAndTime[:-1] + "+00:00") - now).total_seconds() < 600.0
 
 
 def test_units_are_products_of_base_units():
@@ -368,9 +313,6 @@ def test_what_may_be_set_when(weave, tmp_path):
             return said[-1]
 
         assert "yaw_rate is an output" in refused("yaw_rate", 0.0)
-        assert "chassis.v_x must be at least 3, got 2" in refused("chassis.v_x", 2.0)
-        assert "chassis.v_x must be at most 70, got 71" in refused("chassis.v_x", 71.0)
-        assert "column.K_tb must be at least 0, got -1" in refused("column.K_tb", -1.0)
         robot, other = references["robot"], references["yaw_rate"]
         (before,) = unit.getBoolean([robot])
         with pytest.raises(FMICallException):  # nothing of a bad call is taken
@@ -459,22 +401,8 @@ def built_harness(folder):
     """The C importer, compiled."""
     include = f"-I{fmpy.__path__[0]}/c-code"
     program = folder / "harness"
-    command = [
-        "cc",
-        "-std=gnu11",
-        "-O1",
-        "-g",
-        "-Wall",
-        "-Wextra",
-        "-Werror",
-        include,
-        HARNESS,
-        "-o",
-        program,
-        "-ldl",
-        "-lm",
-    ]
-    subprocess.run(command, check=True)
+    strict = ["-std=gnu11", "-O1", "-g", "-Wall", "-Wextra", "-Werror"]
+    subprocess.run(["cc", *strict, include, HARNESS, "-o", program, "-ldl", "-lm"], check=True)
     return program
 
 
@@ -505,11 +433,12 @@ def test_the_importer_in_c_drives_a_weave_at_two_speeds_from_one_unit(chassis, h
     """Each weave is, to the bit and from the first output on, that of a unit which was exported at its speed."""
     program = built_harness(tmp_path)
 
-    def weaves(exported, driven):
+    def weaves(driven):
+        """Outputs at these speeds, by a unit that was exported at the first."""
         path = fmu.export(
-            tmp_path / "car.fmu", friction="lugre", chassis=chassis, speed=exported, robot=True, cpu="native"
+            tmp_path / "car.fmu", friction="lugre", chassis=chassis, speed=driven[0], robot=True, cpu="native"
         )
-        folder = tmp_path / f"{exported:g}"
+        folder = tmp_path / f"{driven[0]:g}"
         variables = fmpy.read_model_description(str(path)).modelVariables
         references = {v.name: str(v.valueReference) for v in variables}
         inputs = [references[name] for name in ("hand_angle", "hand_speed", held)]
@@ -519,11 +448,10 @@ def test_the_importer_in_c_drives_a_weave_at_two_speeds_from_one_unit(chassis, h
         lines = subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()
         return [lines[i : i + 2001] for i in range(0, len(lines), 2001)]
 
-    slow, fast = weaves(20.0, SPEEDS)
+    slow, fast = weaves(SPEEDS)
     assert len(slow) == len(fast) == 2001
     assert slow[-1] != fast[-1]
-    assert [slow] == weaves(SPEEDS[0], SPEEDS[:1])
-    assert [fast] == weaves(SPEEDS[1], SPEEDS[1:])
+    assert [fast, slow] == weaves(SPEEDS[::-1])
 
 
 @pytest.mark.whole
@@ -601,7 +529,6 @@ def test_a_processor_that_lacks_something_is_refused(tmp_path, monkeypatch):
     ("options", "message"),
     [
         ({"subsystem": "engine"}, "subsystem must be one of"),
-        ({"fmi": 1}, "fmi must be one of"),
         ({"cpu": "pentium"}, "cpu must be one of"),
         ({"platforms": ["darwin64"]}, "platform must be one of"),
         ({"platforms": []}, "needs a platform"),

@@ -10,8 +10,11 @@ import pytest
 
 from steer_env import manoeuvres
 from steer_env.connect import fmu
-from steer_env.vehicle import cars, plant
+from steer_env.connect.fmu import description
+from steer_env.connect.variables import variables, with_road
+from steer_env.vehicle import cars, plant, subsystems
 from steer_env.vehicle.chassis.common.interface import WHEELS
+from steer_env.vehicle.subsystems.poses import with_poses
 from tests.connect.fmu.runs import STEP, bits
 
 fmpy = pytest.importorskip("fmpy", reason="the extra fmu is not installed")
@@ -36,17 +39,17 @@ def opened(exported, tmp_path):
     from fmpy.fmi3 import FMU3Slave
 
     _, path = exported
-    description = fmpy.read_model_description(str(path))
+    about = fmpy.read_model_description(str(path))
     fmpy.extract(str(path), str(tmp_path))
     said = []
     unit = FMU3Slave(
-        guid=description.guid,
+        guid=about.guid,
         unzipDirectory=str(tmp_path),
-        modelIdentifier=description.coSimulation.modelIdentifier,
+        modelIdentifier=about.coSimulation.modelIdentifier,
         instanceName="unit",
     )
     unit.instantiate(logMessage=lambda environment, status, kind, text: said.append(text.decode()))
-    yield unit, {v.name: v.valueReference for v in description.modelVariables}, said
+    yield unit, {v.name: v.valueReference for v in about.modelVariables}, said
     unit.freeInstance()
 
 
@@ -58,21 +61,21 @@ def begin(unit, **times):
 
 def test_validation_has_no_remark(exported):
     assert validation.validate_fmu(str(exported[1])) == []
+    with zipfile.ZipFile(exported[1]) as archive:
+        assert {"terminalsAndIcons/icon.png", "terminalsAndIcons/terminalsAndIcons.xml"} <= set(archive.namelist())
 
 
-def test_terminals_are_those_of_the_schema_and_fit_one_another(exported, tmp_path):
+@pytest.mark.parametrize("chassis", ["single_track", "two_track"])
+def test_terminals_are_those_of_the_schema_and_fit_one_another(chassis):
     """Steering and chassis give and take the same at the rack; every variable of a terminal exists."""
     schema = etree.XMLSchema(etree.parse(f"{fmpy.__path__[0]}/schema/fmi3/fmi3TerminalsAndIcons.xsd"))
-    chassis, path = exported
     found = {}
     for part in ("car", "steering", "chassis"):
-        if part != "car":
-            path = fmu.export(tmp_path / "part.fmu", friction="lugre", subsystem=part, chassis=chassis, fmi=3)
-        with zipfile.ZipFile(path) as archive:
-            assert "terminalsAndIcons/icon.png" in archive.namelist()
-            root = etree.fromstring(archive.read("terminalsAndIcons/terminalsAndIcons.xml"))
+        p = cars.load("compact").plant("lugre", 20.0, chassis=chassis)
+        listed = variables(with_poses(with_road(subsystems.make(part, p, 20.0))), 3)  # as in an export
+        root = etree.fromstring(description.terminals(listed))
         assert schema.validate(root), schema.error_log
-        causality = {v.name: v.causality for v in fmpy.read_model_description(str(path)).modelVariables}
+        causality = {v.name: v.use.lower() for v in listed}
         found[part] = {
             terminal.get("name"): {m.get("memberName"): causality[m.get("variableName")] for m in terminal}
             for terminal in root.iter("Terminal")

@@ -85,9 +85,7 @@ def test_steering(tmp_path):
 @pytest.mark.parametrize(
     ("law", "chassis", "robot"),
     [
-        ("lugre", "two_track", True),
-        ("masing", "single_track", True),
-        ("coulomb", "two_track", False),
+        ("masing", "two_track", True),
         ("masing,efficiency=0.88@gear+coulomb,F_c=0.1@upper_column", "two_track", False),
     ],
 )
@@ -96,9 +94,7 @@ def test_steering_of_other_laws(tmp_path, law, chassis, robot):
 
 
 @pytest.mark.whole
-@pytest.mark.parametrize(
-    ("chassis", "changed"), [("single_track", False), ("two_track", False), ("single_track", True)]
-)
+@pytest.mark.parametrize(("chassis", "changed"), [("two_track", False), ("single_track", True)])
 def test_chassis(tmp_path, chassis, changed):
     chassis_equals(tmp_path, chassis, changed)
 

@@ -11,7 +11,6 @@ import pytest
 from steer_env.connect.udp import Server, Stream
 from steer_env.connect.udp.packets import KINDS, MODES, unpacked
 from steer_env.connect.udp.session import NEVER, report
-from steer_env.experiments.cli.common import options
 from steer_env.live.real_time import Limits, haptics
 from steer_env.live.real_time.safety import SAFETY
 from tests.connect.udp.direct import Direct
@@ -120,8 +119,7 @@ def test_the_command_ends_cleanly():
     assert process.counts["steps"] > 10
 
 
-def test_options_are_those_of_the_library():
-    assert options.TORQUE == Limits().torque
+def test_an_unknown_mode_is_refused():
     with pytest.raises(ValueError, match="mode must be one of lockstep, free-running, got 'fast'"):
         Server(part_of(), mode="fast")
 

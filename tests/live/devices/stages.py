@@ -80,8 +80,8 @@ class Kernel:
     def __init__(self, clock):
         self.clock = clock
         self.value, self.pedals = 32768, {2: 255, 5: 255}
-        self.error, self.events, self.writes = None, [], []
-        self.effect, self.played, self.closed = None, None, False
+        self.error, self.events = None, []
+        self.effect, self.played = None, None
 
     def capabilities(self):
         from evdev import AbsInfo
@@ -115,7 +115,6 @@ class Kernel:
 
     def write(self, kind, code, value):
         self._check()
-        self.writes.append((kind, code, value))
         if (kind, code, value) == (21, 3, 1):
             self.played = self.clock.now
 
@@ -125,7 +124,7 @@ class Kernel:
         self.effect = None
 
     def close(self):
-        self.closed = True
+        """Nothing holds the file."""
 
     def level(self):
         """Share of the full force to the left that acts now, by struct ff_effect of linux/input.h."""
@@ -299,8 +298,8 @@ class CanStage(Stage):
         data = struct.pack("<hhBBBB", *raw, round(200 * brake), self.count, 0)
         self.bus.send(self.can.Message(arbitration_id=256, data=data, is_extended_id=False))
 
-    def torque(self, wait=0.0):
-        while (frame := self.bus.recv(wait)) is not None:
+    def torque(self):
+        while (frame := self.bus.recv(0.0)) is not None:
             if frame.arbitration_id == 512:
                 self.frames.append(bytes(frame.data))
                 self.arrived = self.clock.now
@@ -360,10 +359,6 @@ class JoystickStage(Stage):
 
     def axis(self, number, value):
         self.sdl.SDL_JoystickSetVirtualAxis(self.handle, number, round(32767 * value))
-        self.pump()
-
-    def button(self, number, down):
-        self.sdl.SDL_JoystickSetVirtualButton(self.handle, number, int(down))
         self.pump()
 
     def pump(self):

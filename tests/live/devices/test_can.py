@@ -155,26 +155,3 @@ def test_a_text_that_is_no_list_is_refused():
     for option in ("bus", "also"):
         with pytest.raises(ValueError, match=f"{option} is like NAME=VALUE"):
             devices.make("can", **{option: "fast"})
-
-
-def test_over_udp_multicast(stage, monkeypatch, tmp_path):
-    """A bus of another kind, between two sockets."""
-
-    class Multicast(CanStage):
-        interface, channel = "udp_multicast", "239.74.163.78"
-
-    try:
-        node = Multicast(monkeypatch, tmp_path)
-    except Exception as error:  # of python-can or the operating system
-        pytest.skip(f"no multicast here: {error}")
-    try:
-        with node.make() as device:
-            device.write(-2.5)
-            assert node.torque(wait=0.5) == pytest.approx(-2.5)
-            node.turn(0.4)
-            reading = None
-            for _ in range(1000):
-                reading = reading or device.read()
-            assert reading.angle == pytest.approx(0.4, abs=1e-3)
-    finally:
-        node.close()

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from steer_env.live import devices
-from steer_env.live.devices import DeviceError
 
 MS = 1_000_000  # [ns]
 
@@ -89,39 +88,10 @@ def test_the_delay_is_half_of_the_sensor_and_half_of_the_motor():
     assert [moved for moved, _ in seen].index(True) in (19, 20, 21)
 
 
-def test_the_motor_stops_by_itself():
-    wheel, clock = opened(person="straight", timeout_ms=40.0, delay_ms=8.0)
-    drive(wheel, clock, 0.5, torque=3.0)
-    _, motor = drive(wheel, clock, 0.1)
-    assert motor[30] == 3.0
-    assert not motor[44:].any()
-
-
-def test_clipping_is_counted():
-    wheel, clock = opened(max_torque=2.0)
-    _, motor = drive(wheel, clock, 0.1, torque=1.0)
-    assert wheel.clipping() == 0.0
-    _, motor = drive(wheel, clock, 0.1, torque=-5.0)
-    assert wheel.clipping() == 0.5
-    assert motor.min() == -2.0
-
-
 def test_two_runs_are_equal_to_the_bit():
     runs = [drive(*opened(faults="jump=5@1"), 2.0, torque=1.0) for _ in range(2)]
     for one, other in zip(*runs):
         assert np.array_equal(one, other)
-
-
-@pytest.mark.parametrize(("fault", "message"), [("unplug", "was unplugged: plug it in"), ("refuse", "refuses the tor")])
-def test_a_motor_that_is_gone_says_so(fault, message):
-    wheel, clock = opened(faults=f"{fault}@0.5")
-    with pytest.raises(DeviceError, match=f"the fake wheel {message}"):
-        drive(wheel, clock, 1.0, torque=3.0)
-    assert 0.5e9 <= clock.now - wheel.wheel.begin <= 0.503e9
-    clock.now += 50 * MS
-    wheel.wheel.advance(clock.now)
-    assert wheel.wheel.motor == 0.0
-    wheel.__exit__(None, None, None)
 
 
 def test_faults_of_the_sensor():

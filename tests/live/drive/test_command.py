@@ -151,28 +151,6 @@ def test_a_priority_that_is_not_allowed_is_told(tmp_path, monkeypatch, capsys):
     assert not list(tmp_path.iterdir())
 
 
-def test_several_configurations_are_told_where_a_recording_is_read(tmp_path, capsys):
-    options = ["--headless", "--seconds", "1", "--out", str(tmp_path), "--b", "friction=lugre,F_c=1.1"]
-    assert main(["drive", "--device", "fake", *options]) == 0
-    path = tmp_path / "drive-0001.csv"
-    text = path.read_text()
-    labels = [each["label"] for each in files.read(path).meta["sets"]]
-    assert labels == ["lugre@column_eps", "lugre,F_c=1.1"]
-    rows = text.splitlines()
-    head = next(line for line in rows if line.startswith("time_s")).split(",")
-    chosen, missed = head.index("chosen_set_1"), head.index("deadlines_missed_1")
-    for k in range(len(rows) - 20, len(rows)):
-        cells = rows[k].split(",")
-        cells[chosen], cells[missed] = "2", "9"
-        rows[k] = ",".join(cells)
-    path.write_text("\n".join(rows) + "\n")
-    capsys.readouterr()
-    main(["evaluate", str(path), "--manoeuvre", "weave"])
-    out = capsys.readouterr().out
-    assert "several configurations acted: lugre@column_eps to" in out
-    assert "% of the deadlines were missed, first at " in out
-
-
 def test_files_of_one_name_are_told_by_their_folders_and_with_their_law(tmp_path):
     laws = []
     for name, level in (("A", 1.0), ("B", 1.2)):
@@ -187,13 +165,6 @@ def test_files_of_one_name_are_told_by_their_folders_and_with_their_law(tmp_path
     assert {each["law"] for each in configurations} == {"lugre of fitted.json"}
 
 
-def test_the_devices_are_listed(capsys):
-    assert main(["drive", "--list-devices"]) == 0
-    out = capsys.readouterr().out
-    assert "keyboard" in out
-    assert "amplitude_deg=20.0" in out
-
-
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
@@ -201,15 +172,12 @@ def test_the_devices_are_listed(capsys):
         (["--device", "fake,colour=red"], "the device fake has no option 'colour'"),
         (["--device", "fake,red"], "--device takes NAME[,KEY=VALUE...], got 'red'"),
         (["--device", "keyboard", "--headless"], "the device keyboard needs the window"),
-        (["--device", "gamepad", "--headless"], "the device gamepad needs the window"),
-        (["--device", "mouse", "--headless"], "the device mouse needs the window"),
         (["--device", "fake", "--headless", "--friction", "lugre", "lugre"], "'lugre' twice"),
         (["--device", "fake", "--headless", "--seconds", "-1"], "--seconds"),
         (["--device", "fake", "--headless", "--torque-limit", "99"], "--torque-limit"),
         (["--device", "keyboard", "--wheel", "0.04,0.5,8"], "--wheel is for a wheel with a motor"),
         (["--device", "fake", "--headless", "--out", "/proc/drives"], "choose another directory"),
         (["--device", "fake", "--headless", "--speed-kph", "900"], "at most 252, got 900"),
-        (["--device", "fake", "--headless", "--chassis", "single_track", "--speed-kph", "-5"], "at most 252, got -5"),
     ],
 )
 def test_what_cannot_be_is_told_in_a_sentence(options, sentence, capsys):

@@ -79,7 +79,7 @@ def test_a_filtered_wheel_shakes_less_than_its_steps():
     """A slow turn by a sensor with 16 bit: the handwheel torque of the robot, with and without the filter."""
 
     def hand_torque(**options):
-        part = subsystems.make("car", cars.load("compact").plant(robot=True), 100.0 / 3.6)
+        part = subsystems.make("car", cars.load("compact").plant("lugre", robot=True), 100.0 / 3.6)
         mail, model, loop = Mailboxes(part, **options), model_of(part), loop_of(Limits())
         names, torque = [signal.name for signal in part.outputs], []
         for k in range(1500):
@@ -99,7 +99,7 @@ def test_a_filtered_wheel_shakes_less_than_its_steps():
 
 def test_a_reading_that_is_no_number_or_jumps_still_ends_the_torque():
     for value in (math.nan, math.inf, 20.0):
-        part = subsystems.make("car", cars.load("compact").plant(robot=True), 100.0 / 3.6)
+        part = subsystems.make("car", cars.load("compact").plant("lugre", robot=True), 100.0 / 3.6)
         mail, model, loop = Mailboxes(part, angle_bandwidth=50.0), model_of(part), loop_of(Limits(soft_start=0.01))
         for k in range(200):
             now = (k + 10) * PERIOD

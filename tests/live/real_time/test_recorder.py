@@ -17,7 +17,7 @@ class Recorded:
     """A loop on a clock of its own, with a recorder of 0.1 s."""
 
     def __init__(self):
-        self.part = subsystems.make("car", cars.load("compact").plant(robot=True), 100.0 / 3.6)
+        self.part = subsystems.make("car", cars.load("compact").plant("lugre", robot=True), 100.0 / 3.6)
         self.mail = Mailboxes(self.part, clock=lambda: self.now)
         self.model, self.recorder = model_of(self.part), Recorder(self.part, 0.1)
         self.loop, self.now, self.told = loop_of(Limits(soft_start=0.01), ring=self.recorder.ring), PERIOD, []
@@ -72,7 +72,7 @@ def test_what_nobody_takes_in_time_is_counted_and_the_rest_stays():
 def test_a_recorder_of_a_loop_in_its_thread_loses_nothing_that_is_taken_in_time():
     if sys.platform != "linux":
         pytest.skip("the loop needs Linux")
-    part = subsystems.make("car", cars.load("compact").plant(robot=True), 100.0 / 3.6)
+    part = subsystems.make("car", cars.load("compact").plant("lugre", robot=True), 100.0 / 3.6)
     mail, taken = Mailboxes(part), []
     with RealTime(part, mail.device, most=1500, recorded=5.0) as running:
         while running.counts()["ticks"] < 1500:
@@ -93,7 +93,7 @@ def test_a_recorder_of_a_loop_in_its_thread_loses_nothing_that_is_taken_in_time(
 
 @pytest.mark.parametrize("seconds", [-1.0, float("nan"), 1e9])
 def test_bad_times_are_named(seconds):
-    part = subsystems.make("steering", cars.load("compact").plant(robot=True), 20.0)
+    part = subsystems.make("steering", cars.load("compact").plant("lugre", robot=True), 20.0)
     with pytest.raises(ValueError, match="recorded seconds must be finite and at least 0 and at most 3600"):
         Recorder(part, seconds)
     assert len(Recorder(part, 0.0).drain()[0]) == 0

@@ -7,8 +7,6 @@ from steer_env.live.real_time.loop import PERIOD, loop_of, tick
 from steer_env.live.real_time.model import model_of
 from steer_env.vehicle import cars, subsystems
 
-TIMEOUT = 0.1  # after which the motor of the wheel stops if nobody refreshes its torque [s]
-
 
 class Wheel:
     """A wheel that a person turns to and fro, and the loop that it hangs on.
@@ -25,13 +23,11 @@ class Wheel:
         Whether the torque needs a dead-man key that is held.
     angle_bandwidth : float, optional
         Of a filter of the angle [Hz].
-    options
-        Of the plant.
     """
 
-    def __init__(self, limits=None, amplitude=0.5, frequency=0.5, dead_man=False, angle_bandwidth=None, **options):
+    def __init__(self, limits=None, amplitude=0.5, frequency=0.5, dead_man=False, angle_bandwidth=None):
         self.limits = limits or Limits()
-        self.part = subsystems.make("car", cars.load("compact").plant(robot=True, **options), 100.0 / 3.6)
+        self.part = subsystems.make("car", cars.load("compact").plant("lugre", robot=True), 100.0 / 3.6)
         names = [signal.name for signal in self.part.given]
         self.angle, self.speed = names.index("hand_angle"), names.index("hand_speed")
         clock = {"clock": lambda: self.now}
@@ -40,7 +36,7 @@ class Wheel:
         self.amplitude, self.omega = amplitude, 2.0 * math.pi * frequency
         self.now = 5 * PERIOD  # [ns]
         self.offset = 0  # of the clock that stamps the wheel's readings [ns]
-        self.torques, self.times, self.phases = [], [], []  # of the motor, after each sample
+        self.torques, self.phases = [], []  # of the motor, after each sample
 
     def run(self, seconds, silent=False, missed=0, held=True):
         """Let time pass; ``silent`` where the wheel's angle no longer arrives, and
@@ -58,6 +54,5 @@ class Wheel:
             missed = 0
             torque, phase, _ = self.mail.get()
             self.torques.append(torque)
-            self.times.append(t)
             self.phases.append(phase)
         return self.torques[first:]
