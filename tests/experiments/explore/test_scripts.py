@@ -80,11 +80,6 @@ def test_modules_import_nothing(law, body):
     assert engine(law, body).value("imports") == []
 
 
-@pytest.mark.parametrize(("law", "body"), EACH)
-def test_metrics_are_those_of_python(law, body):
-    require_equal(read(law, body, "weave", {}), evaluated(law, body, {}))
-
-
 @pytest.mark.parametrize(
     "name", ["weave", *(pytest.param(name, marks=pytest.mark.whole) for name in drives.SHOWN if name != "weave")]
 )
