@@ -101,13 +101,13 @@ def fitted(tmp_path_factory):
         patch.chdir(folder)
         patch.setenv("COLUMNS", "200")
         save()
-        assert main(["fit-friction", "mine.csv", "--law", "dahl", "--law", "coulomb"]) == 0
+        assert main(["fit-friction", "mine.csv", "--law", "dahl", "--law", "coulomb", "--out", "out"]) == 0
     return folder, printed.getvalue()
 
 
 def test_a_file_of_ones_own(fitted, monkeypatch):
     monkeypatch.chdir(fitted[0])
-    file, all_of_it = loaded("friction_mine/dahl.json"), loaded("friction_mine/fit.json")
+    file, all_of_it = loaded("out/dahl.json"), loaded("out/fit.json")
     assert file["friction"] == {"law": "dahl", "sigma_0": file["friction"]["sigma_0"], "F_c": file["friction"]["F_c"]}
     for name, true in DAHL._asdict().items():
         assert file["friction"][name] == pytest.approx(true, rel=0.01)
@@ -123,11 +123,11 @@ def test_a_result_is_made_again_to_the_bit(fitted, monkeypatch, capsys):
     monkeypatch.chdir(fitted[0])
     for name in ("dahl.json", "index.html"):
         capsys.readouterr()
-        assert main(["rerun", f"friction_mine/{name}"]) == 0, capsys.readouterr()
+        assert main(["rerun", f"out/{name}"]) == 0, capsys.readouterr()
 
 
 def test_a_fitted_file_stands_for_a_law_on_the_command_line(fitted, capsys):
-    given = str(fitted[0] / "friction_mine" / "dahl.json")
+    given = str(fitted[0] / "out" / "dahl.json")
     assert main(["run", "rig", "--friction", given, "--rate-hz", "50", "--out", "run.csv"]) == 0
     made = files.read("run.csv")
     assert made.meta["friction"] == "dahl"
@@ -232,7 +232,7 @@ def test_a_level_by_position_is_in_the_curve_and_the_file():
 def test_an_asymmetry_is_told_beside_the_offset(fitted):
     folder, printed = fitted
     assert "an asymmetry of 0.055" in printed
-    value, low, high = loaded(folder / "friction_mine" / "dahl.json")["asymmetry"]
+    value, low, high = loaded(folder / "out" / "dahl.json")["asymmetry"]
     assert low < value < high
     assert value == pytest.approx(0.05 / DAHL.F_c, rel=0.05)
 
@@ -258,8 +258,8 @@ def test_one_way_from_rest_to_sliding_is_fitted_as_a_whole():
     x = np.concatenate([np.zeros(100), 0.05 * np.linspace(0.0, 1.0, 1500)])
     torque = friction.response(DAHL, x, DT) + NOISE[: x.size]
     save(columns=(T[: x.size], np.degrees(x), -torque))
-    assert main(["fit-friction", "mine.csv", "--law", "dahl", "--out", "out"]) == 0
-    found = loaded("out/fit.json")
+    assert main(["fit-friction", "mine.csv", "--law", "dahl"]) == 0
+    found = loaded("friction_mine/fit.json")
     assert found["judged_from"] == 0.0
     assert found["laws"]["dahl"]["friction"]["F_c"] == pytest.approx(DAHL.F_c, rel=0.02)
     assert any("goes one way" in text for text in found["laws"]["dahl"]["warnings"])

@@ -348,18 +348,6 @@ def test_shift_command(trained, tmp_path, capsys):
     assert "--friction names the laws of --over law, and --over is load" in capsys.readouterr().err
 
 
-def test_differences_are_shaded_by_what_is_better():
-    def estimate(value, half=0.1):
-        return held_out.Estimate(value, value - half, value + half)
-
-    one = estimate(1.0)
-    assert policy_report.shade("reward", estimate(0.5), one, one) == "better"
-    assert policy_report.shade("rms_feel_error", estimate(0.5), one, one) == "worse"
-    assert policy_report.shade("steering_work", estimate(0.5), one, one) == "differs"
-    assert policy_report.shade("reward", estimate(0.05), one, one) == ""
-    assert policy_report.shade("cost", held_out.Estimate(1e-17, 1e-18, 2e-17), estimate(0.0), estimate(0.0)) == ""
-
-
 @pytest.mark.whole
 @pytest.mark.parametrize("algo", ["sac", "recurrent-ppo"])
 def test_other_algorithms_train_too(algo, tmp_path):

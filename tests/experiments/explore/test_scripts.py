@@ -26,7 +26,7 @@ ANSWER = """{
   return { amplitude, channels: Object.fromEntries(Object.entries(channels).map(thin)),
            values: metrics.evaluate(readers[m.reader], channels, m.whole, m.metrics).values };
 }""".replace("THIN", str(THIN))
-# A manoeuvre with a law on a chassis; the weave is compared with every law.
+# A manoeuvre with a law on a chassis; of every other law the channels of a weave are compared.
 DRIVEN = [
     (name, *pair)
     for pair in QUICK
