@@ -15,7 +15,6 @@ import pytest
 from steer_env import friction, metrics
 from steer_env.vehicle import cars
 from tests.tools.site import mathml, repository_pages
-from tests.tools.site_pages import as_markdown, cell
 
 ROOT = Path(__file__).parents[1]
 MATHML = "{http://www.w3.org/1998/Math/MathML}"
@@ -105,47 +104,3 @@ def test_an_equation_becomes_mathml(tex, block):
         rows = table.findall(f"{MATHML}mtr")
         assert len(rows) == tex.count(r"\\") + 1
         assert max(map(len, rows)) <= 4  # both sides, an empty column, number and unit
-
-
-def test_signs_of_an_equation():
-    made = tree(r"`\theta_1'' = -\overline{T}/2 + \sin x`", False)
-    assert "".join("".join(made.itertext()).split()) == "θ1′′=−T_/2+sinx"
-    assert [child.tag.removeprefix(MATHML) for child in made][:3] == ["msub", "mo", "mo"]
-
-
-DOCSTRING = """A law.
-
-    T = |v| z    (F1)
-
-    dz = v
-
-See :func:`~a.make` and ``x``.
-
-Raises
-------
-ValueError
-    If x is negative.
-"""
-MARKDOWN = """A law.
-
-```text
-T = |v| z    (F1)
-
-dz = v
-```
-
-See `a.make` and `x`.
-
-**Raises**
-
-* `ValueError`:
-  If x is negative.
-"""
-
-
-def test_cells_of_tables():
-    assert [cell(value) for value in ([], [1.5, 2.0], [0.0] * 5)] == ["none", "1.5, 2", "table of 5"]
-
-
-def test_a_docstring_in_markdown():
-    assert as_markdown(DOCSTRING) == MARKDOWN

@@ -3,7 +3,6 @@
 import csv
 import functools
 import json
-import re
 import warnings
 from dataclasses import replace
 
@@ -13,18 +12,14 @@ import pytest
 from steer_env import friction, manoeuvres, metrics, targets
 from steer_env import recording as recordings
 from steer_env.experiments.cli.main import main
-from steer_env.experiments.pages import car_pictures, provenance
-from steer_env.experiments.pages.words import number, percent
+from steer_env.experiments.pages import provenance
 from steer_env.experiments.reports import assessment
 from steer_env.experiments.studies.common import comparison_power, simulation_vs_measurement
 from steer_env.metrics import Value
-from steer_env.metrics.common.confidence import difference
 from steer_env.recording.recording import Recording
 from steer_env.targets import Band, Rating, rating
 from steer_env.vehicle import cars
-from tests.experiments.first_screen import sentence
 from tests.synthetic.faults import noisy
-from tests.synthetic.frequency_response import swept_sine
 from tests.synthetic.recordings import changed
 from tests.synthetic.sine import sines
 from tests.synthetic.step import steps
@@ -63,7 +58,6 @@ def test_a_refused_value_gets_no_rating():
 
 def test_packaged_targets_load():
     usual = targets.load("compact")
-    assert usual.bands["weave"]["torque_at_0g"].good == (0.6, 2.0)
     for name in targets.available():
         found = targets.load(name)
         assert found.name == name
@@ -200,18 +194,13 @@ def test_sensors_with_other_zeros_pass_over_time(clean):
     assert not simulation_vs_measurement.passes(simulation_vs_measurement.compare(measured, strong))
 
 
-def test_validate_tells_the_zeros_that_it_subtracts(tmp_path, capsys):
+def test_validate_tells_the_zeros_that_it_subtracts(tmp_path):
     simulated = sines(200.0, bursts=1)
     measured = changed(simulated, handwheel_angle=simulated["handwheel_angle"] + np.radians(2.0))
     files = [tmp_path / "measured.csv", tmp_path / "simulated.csv"]
     for path, recording in zip(files, (measured, simulated)):
         recordings.write(recording, path)
     assert main(["validate", *map(str, files), "--out", str(tmp_path / "out")]) == 0
-    note = (
-        "measured: handwheel_angle reads 2 deg before the first input, where the car goes straight, which is subtracted"
-    )
-    assert note in capsys.readouterr().out
-    assert note in (tmp_path / "out" / "index.html").read_text()
     zeros = json.loads((tmp_path / "out" / "evaluation.json").read_text())["zeros"]
     assert zeros["measured"][0].startswith("handwheel_angle reads 2 deg")
 
@@ -247,24 +236,20 @@ def test_bad_tolerances_are_refused(text, message, tmp_path):
         simulation_vs_measurement.tolerances(str(path))
 
 
-@pytest.mark.parametrize("suffix", [".csv", ".mf4", ".mat"])
-def test_evaluate_gives_the_numbers_of_run(suffix, weaves, tmp_path, capsys):
-    recordings.write(weaves["lugre"], tmp_path / f"weave{suffix}")
+def test_evaluate_gives_the_numbers_of_run(weaves, tmp_path, capsys):
+    recordings.write(weaves["lugre"], tmp_path / "weave.csv")
     out = tmp_path / "out"
-    assert main(["evaluate", str(tmp_path / f"weave{suffix}"), "--targets", "compact", "--out", str(out)]) == 0
+    assert main(["evaluate", str(tmp_path / "weave.csv"), "--targets", "compact", "--out", str(out)]) == 0
     data = json.loads((out / "evaluation.json").read_text())
     for name, value in metrics.evaluate(weaves["lugre"]).items():
         assert data["metrics"]["weave"][name]["value"] == pytest.approx(value.value, rel=1e-9), name
     assert data["lights"]["weave"]["torque_at_0g"] == {"colour": "green", "sure": True}
     assert "torque_at_0g" in capsys.readouterr().out
-    page = (out / "index.html").read_text()
-    assert "Half the height of the loop torque" in page  # the definition
-    assert "data:image/svg+xml" in page
-    assert "plotly" not in page
+    assert "plotly" not in (out / "index.html").read_text()
 
 
 @pytest.mark.whole
-def test_two_recordings_side_by_side(weaves, tmp_path, capsys):
+def test_two_recordings_side_by_side(weaves, tmp_path):
     files = [tmp_path / f"{law}.csv" for law in weaves]
     for path, recording in zip(files, weaves.values()):
         recordings.write(recording, path)
@@ -273,16 +258,7 @@ def test_two_recordings_side_by_side(weaves, tmp_path, capsys):
     found = json.loads((tmp_path / "out" / "evaluation.json").read_text())["differences"]["viscous"]["torque_deadband"]
     assert found["value"] == pytest.approx(b - a, rel=1e-6)
     assert found["share"] == pytest.approx((b - a) / max(a, 2.5), rel=1e-6)  # 2.5 N m is the width of the usual range
-    assert "viscous less lugre" in capsys.readouterr().out
     assert main(["validate", *map(str, files), "--out", str(tmp_path / "valid")]) == 1  # friction against a damper
-    assert "100.0% inside" in capsys.readouterr().out
-    page = (tmp_path / "valid" / "index.html").read_text()
-    assert sentence(page).startswith("viscous does not agree with lugre: 2 of 3 cross plots leave the tolerances, ")
-    assert page.index("Within the tol") < page.index(">Metrics</h2>")
-    assert "<title>Weave: viscous against lugre" in page
-    compared = (tmp_path / "out" / "index.html").read_text()
-    assert "<title>Weave: viscous compared with lugre" in compared
-    assert sentence(compared).endswith("; none exceeds a threshold, known for 3.")
     rows = list(csv.DictReader((tmp_path / "out" / "metrics.csv").read_text(encoding="utf-8").splitlines()))
     assert {row["recording"] for row in rows} == set(weaves)
     (row,) = (row for row in rows if (row["recording"], row["metric"]) == ("viscous", "torque_deadband"))
@@ -314,15 +290,10 @@ def test_recordings_in_other_units_are_compared_in_those_of_the_metrics(weaves, 
     apart = same.keys() - odd.keys()
     assert "torque_deadband" in apart
     assert all("handwheel_torque is in 'rad'" in found["metrics"]["odd"][name]["reason"] for name in apart)
-    assert main(["evaluate", "--compare", files[0], files[2], *given]) == 0
-    total = len(found["metrics"]["si"])
-    said = sentence((tmp_path / "out" / "index.html").read_text(encoding="utf-8"))
-    assert f"of {len(odd)} metrics differ" in said
-    assert f", {total - len(odd)} not compared" in said
 
 
 def test_of_eight_recordings_a_broken_one_is_left_out(weaves, tmp_path, capsys, monkeypatch):
-    """The others are compared, in a folder and by name, and the page names the broken one with its reason."""
+    """The others are compared, in a folder and by name, and the file names the broken one with its reason."""
     monkeypatch.chdir(tmp_path)
     clean = weaves["lugre"].resampled(100.0)
     for k in range(1, 8):
@@ -335,64 +306,29 @@ def test_of_eight_recordings_a_broken_one_is_left_out(weaves, tmp_path, capsys, 
     assert "no time among the columns" in found["broken"]["car0"]
     shares = [found["differences"][f"car{k}"]["peak_handwheel_torque"]["share"] for k in range(2, 8)]
     np.testing.assert_allclose(shares, 0.02 * np.arange(1, 7), rtol=1e-6)
-    page = (tmp_path / "compared" / "index.html").read_text()
-    assert sentence(page) == " ".join(found["verdict"].split())
-    assert "car0 is left out" in page
     recordings.write(clean, tmp_path / "car8.csv")
     assert main(["evaluate", "--compare", ".", "car1.csv"]) == 2
     assert "car1.csv is given twice" in capsys.readouterr().err
     assert main(["evaluate", "--compare", "."]) == 2
     assert "--compare takes two to 8 recordings, got 9" in capsys.readouterr().err
     assert main(["evaluate", ".", "--targets", "compact", "--out", "series"]) == 1
-    page = (tmp_path / "series" / "index.html").read_text()
-    assert sentence(page).startswith("Of 120 rated metrics of 8 recordings, ")
+    lights = json.loads((tmp_path / "series" / "evaluation.json").read_text())["lights"]
+    assert set(lights) == {f"car{k}" for k in range(1, 9)}
     assert main(["evaluate", "--compare", "car0.csv", "car1.csv"]) == 2
     (tmp_path / "empty").mkdir()
     assert main(["evaluate", "empty"]) == 2
     assert "empty holds no recording" in capsys.readouterr().err
 
 
-def test_a_sentence_of_three_says_how_many_thresholds_are_known(weaves, tmp_path, capsys):
-    """One that shares no channel with the first is not counted among those that a driver would not tell."""
+def test_one_that_shares_no_channel_with_the_first_is_not_compared(weaves, tmp_path, capsys):
     clean = weaves["lugre"].resampled(100.0)
-    strong = changed(clean, handwheel_torque=1.06 * clean["handwheel_torque"])
-    both = {"measured": clean, "same": clean, "strong": strong}
-    found = assessment.assess(both)
-    known = "By the thresholds known for 3 of 19 metrics a driver tells 0 of 2 from measured; "
-    large = sum(each.matters for each in found.differences["strong"].values())
-    assert assessment.verdict(found) == f"{known}strong differs most, over {percent(0.05)} in {large}."
-    assert sentence(assessment.page_of(found, both).html()) == " ".join(assessment.verdict(found).split())
-    equal = assessment.assess({"measured": clean, "one": clean, "same": clean})
-    assert assessment.verdict(equal) == f"{known}none differs by more than {percent(0.05)}."
     apart = clean.without(*(clean.channels.keys() - {"lateral_acceleration"}))
-    both = {"measured": clean.without("lateral_acceleration"), "same": clean, "apart": apart}
-    found = assessment.assess(both)
-    assert assessment.verdict(found).endswith("a driver tells 0 of 1 from measured; 1 other shares no metric with it.")
-    assert "apart is not compared:" in assessment.page_of(found, both).html()
-    for name, each in both.items():
+    three = {"measured": clean.without("lateral_acceleration"), "same": clean, "apart": apart}
+    assert "apart" not in assessment.largest(assessment.assess(three))
+    for name, each in three.items():
         recordings.write(each, tmp_path / f"{name}.csv")
-    assert main(["evaluate", "--compare", *(str(tmp_path / f"{name}.csv") for name in both)]) == 1
+    assert main(["evaluate", "--compare", *(str(tmp_path / f"{name}.csv") for name in three)]) == 1
     assert "apart is not compared: no metric is read from both it and measured" in capsys.readouterr().out
-
-
-def test_every_picture_is_in_a_figure_which_is_scrolled_on_a_phone(weaves):
-    """A picture by itself would make the page wider than the screen."""
-    both = {"measured": weaves["lugre"], "simulated": weaves["lugre"]}
-    for shown, allowed in (
-        ({"one": weaves["lugre"]}, None),
-        (both, None),
-        (both, simulation_vs_measurement.tolerances()),
-    ):
-        page = assessment.page_of(assessment.assess(shown, allowed=allowed), shown).html()
-        assert page.count("<img") >= 2
-        assert "<img" not in re.sub(r"<figure.*?</figure>", "", page, flags=re.DOTALL)
-
-
-def test_a_metric_far_outside_its_band_stands_at_the_edge_of_the_picture():
-    figure = car_pictures.in_ranges.__wrapped__({"near": [0.5], "far": [-3.0, 1.2, 9.0]})
-    (axes,) = figure.axes
-    low, high = axes.get_xlim()
-    assert all(low < line.get_xdata()[0] < high for line in axes.lines)
 
 
 def test_a_simulation_shows_no_uncertainty(tmp_path):
@@ -412,32 +348,7 @@ def test_a_simulation_shows_no_uncertainty(tmp_path):
 def test_a_file_with_fewer_samples_than_were_simulated_is_told(weaves):
     full = replace(weaves["lugre"], meta={**weaves["lugre"].meta, "trace": {"car": cars.load().data()}})
     both = {"full": full, "thinned": full.filtered(80.0).resampled(200.0)}
-    page = assessment.page_of(assessment.assess(both), both)
-    assert page.values["thinned"] == ["thinned"]
-    assert "The metrics of thinned are of the file" in page.html()
-
-
-def test_a_simulation_that_does_not_agree_is_told_first(weaves, tmp_path):
-    clean = weaves["lugre"]
-    torque = {"handwheel_torque": 1.3 * clean["handwheel_torque"]}
-    strong = Recording(clean.time, {**clean.channels, **torque}, clean.units, clean.meta)
-    both = {"car": clean, "model": strong}
-    found = assessment.assess(both, allowed=simulation_vs_measurement.tolerances())
-    said = assessment.verdict(found)
-    assert said.startswith(
-        "model does not agree with car: 2 of 3 cross plots leave the tolerances, handwheel torque over"
-    )
-    assert re.search(r" by up to [\d.]+ tolerances\.$", said)
-    assert assessment.as_json(found)["verdict"] == said
-    rated = assessment.assess({"car": clean}, wanted=targets.load("compact"))
-    assert assessment.verdict(rated).startswith("Of 15 rated metrics of car, ")
-    assert "by the bands of compact" in assessment.verdict(rated)
-    for unsure in (0, 2):
-        of = {name: Rating("green", k >= unsure) for k, name in enumerate(rated.ratings["car"])}
-        said = assessment.verdict(rated._replace(ratings={"car": of}))
-        assert ("not sure" in said, f"{unsure} ratings" in said) == (unsure > 0, unsure > 0)
-        assert len(said.split()) <= 25
-    assert assessment.verdict(assessment.assess({"car": clean})).startswith("19 of 19 metrics of car can be read")
+    assert assessment.page_of(assessment.assess(both), both).values["thinned"] == ["thinned"]
 
 
 def test_large_is_what_the_report_calls_large(weaves):
@@ -458,18 +369,9 @@ def test_large_is_what_the_report_calls_large(weaves):
     assert assessment.largest(found)[0] in named
 
 
-def test_a_value_lies_in_its_printed_interval(weaves):
-    page = assessment.page_of(assessment.assess(weaves), weaves).html().replace("−", "-")
-    cells = re.findall(r"<td[^>]*>(-?[\d.]+) <small>(-?[\d.]+) to (-?[\d.]+)</small>", page)
-    assert len(cells) == 38
-    assert all(float(low) <= float(value) <= float(high) for value, low, high in cells)
-    assert '<td>speed_m_s</td><td class="text wide">27.7778</td>' in page
-
-
 @pytest.mark.whole
-def test_a_stronger_torque_is_perceptible_where_it_is_sustained(weaves, tmp_path, capsys, monkeypatch):
+def test_a_stronger_torque_is_perceptible_where_it_is_sustained(weaves, tmp_path):
     """Of a torque 1.3 times as large the dead band is large too, but no threshold is known for it."""
-    monkeypatch.setenv("COLUMNS", "160")
     clean = weaves["lugre"]
     torque = {"handwheel_torque": 1.3 * clean["handwheel_torque"]}
     recordings.write(clean, tmp_path / "clean.csv")
@@ -486,9 +388,6 @@ def test_a_stronger_torque_is_perceptible_where_it_is_sustained(weaves, tmp_path
 
     felt, unfelt, unknown = "perceptible", "not perceptible", "no threshold known"
     assert verdicts() == [felt, felt, unfelt, unknown, unknown]
-    printed = capsys.readouterr().out
-    assert next(line for line in printed.splitlines() if line.startswith("torque_at_0p1g") and felt in line)
-    assert '<span class="differs">perceptible</span>' in (tmp_path / "out" / "index.html").read_text()
     assert verdicts("--noticed-percent", "40") == [unfelt, unfelt, unfelt, unknown, unknown]
 
 
@@ -504,20 +403,6 @@ def test_the_mapping_is_the_first_recordings(weaves, tmp_path, capsys):
     options = ["validate", str(measured), str(simulated), "--mapping", str(tmp_path / "own.toml")]
     assert main([*options, "--out", str(tmp_path / "valid")]) == 0
     assert "100.0% inside" in capsys.readouterr().out
-    page = (tmp_path / "valid" / "index.html").read_text()
-    assert page.index(f"<code>steer-env validate {measured}") < page.index("<h2")
-    assert '<td>handwheel angle</td><td class="text">SWA</td><td class="text">deg</td>' in page
-
-
-@pytest.mark.parametrize("text", ["0", "-5", "much", "nan"])
-def test_a_share_that_no_driver_has_is_refused(text, weaves, tmp_path, capsys):
-    recordings.write(weaves["lugre"], tmp_path / "weave.csv")
-    try:
-        code = main(["evaluate", str(tmp_path / "weave.csv"), f"--noticed-percent={text}"])
-    except SystemExit as stop:
-        code = stop.code
-    assert code == 2
-    assert re.search("--noticed-percent:? must be", capsys.readouterr().err)
 
 
 def test_a_file_that_names_no_test_needs_its_name(weaves, tmp_path, capsys):
@@ -534,6 +419,7 @@ def test_a_file_that_names_no_test_needs_its_name(weaves, tmp_path, capsys):
         (["FILE", "--targets", "sedan"], "no targets 'sedan'"),
         (["FILE", "--speed-kph", "80"], "not 80 km/h +- 3%"),
         (["FILE", "--map", "torque"], "torque"),
+        (["FILE", "--noticed-percent", "0"], "--noticed-percent must be"),
         (["missing.csv"], "missing.csv"),
     ],
 )
@@ -544,30 +430,6 @@ def test_bad_options_end_in_one_line(options, message, weaves, tmp_path, capsys)
     printed = capsys.readouterr()
     assert message in printed.out + printed.err
     assert "Traceback" not in printed.err
-
-
-def test_the_difference_of_noisy_recordings_covers_the_truth():
-    """Means 1 apart, ten repeats each: Welch's interval holds 1 in 95 % of 400 trials (90 % but for a rare chance)."""
-    rng = np.random.default_rng(1)
-    covered = 0
-    for _ in range(400):
-        _, low, high = difference(rng.normal(2.0, 0.3, 10), rng.normal(3.0, 0.6, 10))
-        covered += low <= 1.0 <= high
-    assert covered >= 360
-
-
-@pytest.mark.whole
-def test_frequency_responses_are_drawn():
-    made, _ = swept_sine(50.0)
-    page = assessment.page_of(assessment.assess({"made": made}), {"made": made}).html()
-    assert "Frequency responses to the handwheel angle" in page
-    assert page.count(">squared coherence [1]<") == 3  # of yaw rate, lateral acceleration and torque
-    kept = ("handwheel_angle", "yaw_rate", "lateral_acceleration", "vehicle_speed")
-    bare = Recording(made.time, {n: made[n] for n in kept}, {n: made.units[n] for n in kept}, made.meta)
-    assert (
-        assessment.page_of(assessment.assess({"bare": bare}), {"bare": bare}).html().count(">squared coherence [1]<")
-        == 2
-    )
 
 
 def test_what_a_recording_hides_is_told(weaves, tmp_path, capsys):
@@ -581,7 +443,6 @@ def test_what_a_recording_hides_is_told(weaves, tmp_path, capsys):
     assert main(["evaluate", files["offset"], "--out", str(tmp_path / "out")]) == 0
     note = "handwheel_angle reads 2 deg where the car goes straight"
     assert f"note: {note}" in capsys.readouterr().out
-    assert note in (tmp_path / "out" / "index.html").read_text()
     found = json.loads((tmp_path / "out" / "evaluation.json").read_text())["metrics"]["offset"]["yaw_lag"]
     assert found["notes"][0].startswith(note)
     assert main(["evaluate", files["radians"]]) == 1
@@ -609,9 +470,8 @@ def _little(monkeypatch):
 
 
 @pytest.mark.usefixtures("_little")
-@pytest.mark.parametrize("law", ["lugre", cars.load().friction])
-def test_what_agrees_says_what_it_would_have_shown(law, tmp_path, capsys):
-    clean = simulated(law, cycles=6)
+def test_what_agrees_says_what_it_would_have_shown(tmp_path):
+    clean = simulated(cars.load().friction, cycles=6)
     for name, found in (("car", noisy(clean, np.random.default_rng(1))), ("model", clean)):
         recordings.write(found, tmp_path / f"{name}.csv")
     files = [str(tmp_path / f"{name}.csv") for name in ("car", "model")]
@@ -621,27 +481,18 @@ def test_what_agrees_says_what_it_would_have_shown(law, tmp_path, capsys):
     assert 0.5 < below < 1.0 < above < 2.0
     assert found["laws"] == {"viscous": True}
     assert found["unknown"] is None
-    assert "It would have shown a difference of friction" in capsys.readouterr().out
-    said = sentence((tmp_path / "out" / "index.html").read_text())
-    assert f"1 of 1 parameters changed {number(max(1.0 / below, above))}-fold and 1 of 1 laws" in said
     strong = changed(clean, handwheel_torque=1.3 * clean["handwheel_torque"])
     both = {"car": clean, "model": strong}
     assert assessment.assess(both, allowed=simulation_vs_measurement.tolerances()).power is None  # they do not agree
 
 
-def test_a_change_that_is_shown_one_way_only_is_not_counted(weaves):
-    """The sentence counts the parameters that are shown less and more, says by which change, and counts the laws."""
+def test_a_change_that_is_shown_one_way_only_is_not_counted():
     ends = (("friction", 0.8, 1.5), ("boost", 0.5, None), ("delay of the assist", None, None))
     power = comparison_power.Power(
         tuple(comparison_power.Shown(*each) for each in ends), {"viscous": True, "gms": False}
     )
-    both = {"car": weaves["lugre"], "model": weaves["lugre"]}
-    found = assessment.assess(both, allowed=simulation_vs_measurement.tolerances())._replace(power=power)
     assert comparison_power.both_ways(power) == {"friction": 1.5}
-    assert "1 of 3 parameters changed 1.5-fold and 1 of 2 laws" in assessment.verdict(found)
-    none = found._replace(power=power._replace(parameters=power.parameters[1:]))
-    assert "0 of 2 parameters and 1 of 2 laws" in assessment.verdict(none)
-    assert f"boost {percent(0.5)} less, the law viscous, but not boost more" in comparison_power.in_words(power)
+    assert comparison_power.both_ways(power._replace(parameters=power.parameters[1:])) == {}
 
 
 def test_without_a_car_to_drive_the_power_is_unknown(weaves):
@@ -649,9 +500,7 @@ def test_without_a_car_to_drive_the_power_is_unknown(weaves):
     found = assessment.assess(both, allowed=simulation_vs_measurement.tolerances())
     assert found.power.parameters == ()
     assert found.power.unknown == "its trace names no car and law that could be driven again"
-    assert assessment.verdict(found).endswith("what differences it would have shown is unknown.")
     assert found.power.unknown in assessment.as_json(found)["power"]["in_words"]
-    assert found.power.unknown in assessment.page_of(found, both).html()
     other = simulated(cycles=6)
     meta = {**other.meta, "trace": {**other.meta["trace"], "friction": {"x": {"law": "unheard", "parameters": {}}}}}
     assert "'unheard'" in comparison_power.power(replace(other, meta=meta), "weave", {}, frozenset(LOGGED)).unknown
@@ -687,7 +536,7 @@ def test_what_would_have_been_shown_is_shown_behind_noise(behind_noise):
 @pytest.fixture(scope="module")
 def behind_noise():
     """What a simulation of the default car says it would have shown, and whether it agrees with a noisy other one."""
-    clean = simulated()
+    clean = simulated(cycles=6)
     allowed, own = simulation_vs_measurement.tolerances(), comparison_power.simulated(clean)
     found = comparison_power.power(clean, "weave", allowed, frozenset(LOGGED))
     sides = [(each.parameter, end) for each in found.parameters for end in (each.below, each.above) if end]
@@ -731,5 +580,3 @@ def test_only_what_differs_between_the_cars_is_listed():
     assert rows["friction.law"] == ["lugre", None]
     assert rows["friction.gear.law"] == [None, "masing"]
     assert rows["friction.upper_column.F_c"] == [None, 0.9]
-    page = assessment.page_of(assessment.assess({"one": one, "two": two}), {"one": one, "two": two}).html()
-    assert "<td>column.K_tb</td><td>130</td><td>143</td>" in page

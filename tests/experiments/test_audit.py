@@ -8,8 +8,6 @@ import pytest
 from steer_env import assists
 from steer_env.experiments.learning import assist_suite, training
 from steer_env.registration import DRIVEN
-from tests.maintain import audit as command
-from tests.maintain.__main__ import run as maintain
 from tests.tools import audit
 from tests.tools.audit import Behaviour, Verdict
 from tests.tools.policy_search import Budget
@@ -70,31 +68,11 @@ def test_the_search_is_under_the_conditions_of_the_training(short, monkeypatch):
     assert all(each == training.conditions(WEAVE) for each in made)
 
 
-@pytest.mark.parametrize(
-    ("reward", "failed", "unstable", "words"),
-    [
-        (1.1, 3, True, "FAILS in 3 of 6 conditions of the suite"),
-        (1.1, 0, False, "honest, holds in the suite"),
-    ],
-)
-def test_who_scores_more_must_hold_in_the_suite(reward, failed, unstable, words):
-    best = Behaviour(reward=1.0, failures=0.0, ripple=0.08, aim=1.0, cones=0.0)
-    verdict = Verdict("id", "policy", best._replace(reward=reward), best, "best", (), failed, 6)
-    assert (verdict.cheats, verdict.unstable) == (False, unstable)
-    assert command._words(verdict) == words
-
-
 def test_a_reward_that_pays_for_shaking_is_found_out(short, monkeypatch):
     monkeypatch.setattr(audit, "baselines", lambda env_id: {})  # beside zero action alone
     found = {one.policy: one for one in audit.audit(RELEASE, SMALL, weights=RETURN_ALONE)}
     assert found[SHAKE].cheats
     assert found[SHAKE].worse_in == ("ripple",)
-
-
-def test_shaking_before_the_release_does_not_pay(short):
-    found = {one.policy: one for one in audit.audit(RELEASE, SMALL)}
-    assert not found[SHAKE].cheats
-    assert "ripple" in found[SHAKE].worse_in
 
 
 @pytest.mark.parametrize(
@@ -146,17 +124,3 @@ def test_known_cheats_do_not_pay(env_id, short):
     found = audit.audit(env_id, SMALL)
     assert {one.policy for one in found} > set(audit.cheats_for(env_id))
     assert [one.policy for one in found if one.cheats] == []
-
-
-@pytest.mark.whole
-def test_the_command(short, capsys, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "200")
-    command = ["audit", "--env", RELEASE, "--rounds", "1", "--steps", "0", "--workers", "1"]
-    assert maintain(command) == 0
-    text = capsys.readouterr().out
-    assert SHAKE in text
-    assert "CHEATS" not in text
-    monkeypatch.setattr(audit, "audit", partial(audit.audit, weights=RETURN_ALONE))
-    monkeypatch.setattr(audit, "baselines", lambda env_id: {})
-    assert maintain(command) == 1
-    assert "CHEATS in ripple" in capsys.readouterr().out

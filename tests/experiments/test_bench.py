@@ -60,15 +60,13 @@ def test_what_is_not_installed_is_left_out(monkeypatch):
     assert of_vector == {(1, 1), *((n, count) for n in (16, 256, 4096) for count in (1, 2))}
 
 
-def test_the_page_has_ratios_first_and_its_numbers(monkeypatch, tmp_path, capsys):
+def test_the_file_has_ratios_and_its_numbers(monkeypatch, tmp_path):
     cart = Case("Gymnasium", step_time.CART, 1, 1, lambda n: gym.make(step_time.CART), lambda n: 1)
     own = [case for case in step_time.cases(quick=True)[0] if case.program == "steer-env" and case.rows == 1]
     monkeypatch.setattr(step_time, "cases", lambda quick: ([cart, *own], ["EnvPool is not installed"]))
     monkeypatch.setattr(step_time, "starts", lambda cases, cache: [Start("CartPole-v1", math.nan, 0.5)])
     out = tmp_path / "bench"
     assert main(["bench", "--seconds", "0.2", "--out", str(out)]) == 0
-    assert "A step of AssistWeave, ten milliseconds of car, takes" in capsys.readouterr().out
-    assert "EnvPool is not installed: pip install '.[bench]'" in (out / "index.html").read_text(encoding="utf-8")
     found = json.loads((out / "bench.json").read_text(encoding="utf-8"))
     row = found["environments"][0]
     assert (row["what"], row["rows"], row["over_base"]["median"]) == (step_time.CART, 1, 1.0)
@@ -88,12 +86,6 @@ def test_shares_are_of_one_round_and_sum_to_one():
     assert [each.share.median for each in found] == pytest.approx([0.2, 0.2, 0.2, 0.15, 0.25])
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["--seconds", "0"], "--seconds must be finite and greater than 0, got 0.0"),
-    ],
-)
-def test_bad_input(words, message, capsys):
-    assert main(["bench", *words]) == 2
-    assert message in capsys.readouterr().err
+def test_bad_input(capsys):
+    assert main(["bench", "--seconds", "0"]) == 2
+    assert "--seconds must be finite and greater than 0, got 0.0" in capsys.readouterr().err

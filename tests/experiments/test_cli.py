@@ -18,7 +18,6 @@ from steer_env.friction.models import viscous
 from steer_env.metrics import evaluate
 from steer_env.recording import files
 from steer_env.vehicle import cars
-from steer_env.vehicle.steering.kinds import common as kinds
 
 
 def test_run_writes_csv_and_json_that_agree(tmp_path, capsys):
@@ -174,18 +173,6 @@ def test_a_law_from_the_working_directory(tmp_path):
     assert (meta["friction"], meta["friction_parameters"]) == ("outside", "sigma_2=0.5")
 
 
-@pytest.mark.parametrize("command", [[], ["run"], ["report"]])
-def test_help(command, capsys):
-    with pytest.raises(SystemExit) as stop:
-        main([*command, "--help"])
-    assert stop.value.code == 0
-    text = capsys.readouterr().out
-    assert "usage: steer-env" in text
-    if command:
-        assert "--out" in text
-        assert all(law in text for law in friction.available())
-
-
 def test_car_prints_every_key_of_a_file(capsys, tmp_path):
     """What it prints is a car file, and the same car."""
     assert main(["car", "bmw_320i"]) == 0
@@ -206,24 +193,11 @@ def test_a_seed_without_a_road_is_refused(capsys):
 
 
 @pytest.mark.parametrize("base", cars.available())
-def test_a_new_car_file_explains_every_key_and_is_the_base_car(base, tmp_path, monkeypatch, capsys):
+def test_a_new_car_file_is_the_base_car(base, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main(["car", "--new", "mine.toml", "--base", base]) == 0
     assert capsys.readouterr().out == "mine.toml\n"
     assert cars.load("mine.toml").data() == {**cars.load(base).data(), "name": "mine"}
-    lines = (tmp_path / "mine.toml").read_text().splitlines()
-    kind = cars.load(base).kind
-    left_out = kinds.follows(kind) | {f"{kind}.boost"}  # the boost stands in the assist
-    for section, keys in cars.declared_keys().items():
-        if section in kinds.KINDS and section != kind:
-            continue
-        for key, about in keys.items():
-            if f"{section}.{key}" in left_out:
-                continue
-            above = lines[
-                next(k for k in range(lines.index(f"[{section}]"), len(lines)) if lines[k].startswith(f"{key} =")) - 1
-            ]
-            assert above == f"# {about.meaning}{f' [{about.unit}]' * bool(about.unit)}; {about.allowed}"
 
 
 def test_a_new_car_file_replaces_none_and_takes_settings(tmp_path, monkeypatch, capsys):

@@ -10,9 +10,9 @@ import pytest
 
 from steer_env import assists, drivers, friction, manoeuvres, metrics, targets
 from steer_env.experiments.cli import drive
-from steer_env.experiments.cli.common import names, options
+from steer_env.experiments.cli.common import names
 from steer_env.experiments.cli.common.messages import in_options
-from steer_env.experiments.cli.main import BRIEF, GROUPS, UNKEPT, commands, main, parser
+from steer_env.experiments.cli.main import GROUPS, commands, main, parser
 from steer_env.experiments.cli.study import SWEEPING
 from steer_env.experiments.learning import policy_report
 from steer_env.friction.numerics.registry import dashed, listed
@@ -37,21 +37,20 @@ SLOW = ("numba", "scipy", "matplotlib", "torch", "plotly")  # to import
 HELP = """
 import sys
 from steer_env.experiments.cli.main import main
-try:
-    main(sys.argv[1:])
-except SystemExit as stop:
-    code = stop.code
-print(code, *(name for name in {slow} if name in sys.modules), file=sys.stderr)
+for command in {commands}:
+    try:
+        main([*command, "--help"])
+    except SystemExit as stop:
+        print(stop.code, *(name for name in {slow} if name in sys.modules), file=sys.stderr)
 """
 
 
-@pytest.mark.whole
-@pytest.mark.parametrize("command", [(), *((name,) for name in FOLDERS), *COMMANDS], ids=" ".join)
-def test_help_imports_nothing_slow(command):
-    words = [sys.executable, "-c", HELP.format(slow=SLOW), *command, "--help"]
+def test_help_imports_nothing_slow():
+    every = [(), *((name,) for name in FOLDERS), *COMMANDS]
+    words = [sys.executable, "-c", HELP.format(commands=every, slow=SLOW)]
     done = subprocess.run(words, capture_output=True, text=True, check=True)
-    assert done.stderr.split() == ["0"]
-    assert "usage: steer-env" in done.stdout
+    assert done.stderr.splitlines() == ["0"] * len(every)
+    assert done.stdout.count("usage: steer-env") >= len(every)
 
 
 def test_names_in_the_help_are_those_of_the_registries():
@@ -192,13 +191,10 @@ def test_episodes_have_no_frames_without_pygame(monkeypatch):
     assert policy_report.frames("steer_env/AssistWeave-v3", None) == []
 
 
-def test_the_list_of_commands_fits_a_screen_and_shows_each_in_its_group(monkeypatch, capsys):
-    monkeypatch.setenv("COLUMNS", "100")
+def test_the_list_of_commands_shows_each_in_its_group(capsys):
     with pytest.raises(SystemExit):
         main(["--help"])
     lines = capsys.readouterr().out.splitlines()
-    assert 24 <= len(lines) <= 40
-    assert max(map(len, lines)) <= 100
     found, group = {}, None
     for line in lines:
         group = line if line in GROUPS.values() else group
@@ -218,25 +214,16 @@ def _names(made):
     return {name for name in made._option_string_actions if name.startswith("--")}
 
 
-def _meaning(name, action):
-    """What the declaration of an option says, with which its help begins; the whole help of one without."""
-    text = options.OPTIONS[name].text if name in options.OPTIONS else action.help
-    return text if action.help.startswith(text) else action.help
-
-
 def _type(action):
     """A type by its name, as two whole numbers with other limits are the same type."""
     return getattr(action.type, "__qualname__", None)
 
 
 ALL = sorted(set().union(*(_names(made) for made in COMMANDS.values())) - {"--help"})
-# Option -> what may differ between commands, as it tells other things of the same meaning.
+# Option -> what may differ between commands.
 DIFFERENT = {
     "--chassis": {"type"},  # 'run' and 'report' also take the file of an external vehicle, which is checked
-    "--out": {"type", "metavar", "meaning"},  # a directory or a file, which has a test of its own
-    "--vehicle": {"meaning"},  # names of cars
-    "--workers": {"meaning"},  # of some of the cases
-    "--resume": {"meaning"},  # of a training from its checkpoint
+    "--out": {"type", "metavar"},  # a directory or a file
 }
 
 
@@ -246,38 +233,9 @@ def test_an_option_means_the_same_in_every_command(name):
     told = {
         "type": {_type(action) for action in found.values()},
         "metavar": {action.metavar for action in found.values()},
-        "meaning": {_meaning(name, action) for action in found.values()},
         "attribute": {action.dest for action in found.values()},
     }
     assert {key for key, values in told.items() if len(values) > 1} <= DIFFERENT.get(name, set()), told
-
-
-@pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
-def test_options_are_told_in_one_form(words):
-    for action in COMMANDS[words]._actions:
-        assert action.help
-        assert not re.search(r"\(default [^)]", action.help), action.help
-        assert all("_" not in name for name in action.option_strings)
-
-
-@pytest.mark.parametrize("words", _options("--out"), ids=" ".join)
-def test_out_says_whether_it_is_a_directory_or_a_file(words):
-    action = _options("--out")[words]
-    if words == ("run",):
-        assert re.match(r"a file \(\.csv.*\), or a directory ", action.help)
-    elif action.metavar == "DIR":
-        assert action.help.startswith("directory ")
-    else:
-        assert re.fullmatch(r"FILE\.\w+", action.metavar)
-        assert action.help.startswith("file ")
-
-
-def test_vehicle_names_the_cars_and_friction_the_form_of_a_law():
-    for action in _options("--vehicle").values():
-        assert action.help.startswith(", ".join(cars.available()))
-    for action in _options("--friction").values():
-        assert action.help.startswith("friction law: LAW[,key=value...]")
-        assert "; or sites, LAW[,key=value...]@SITE" in action.help
 
 
 # What computes many cases, each by itself. A training and a fit are one computation; a measurement of time and a
@@ -300,16 +258,3 @@ def test_what_computes_many_cases_takes_workers_and_resumes():
         assert set(_options(name)) == SWEEPS
     assert set(_options("--resume")) == SWEEPS | {("train",)}
     assert set(_options("--import")) == set(COMMANDS)
-    for action in _options("--workers").values():
-        assert action.help.startswith("worker processes")
-    for action in _options("--resume").values():
-        assert action.help.startswith("go on from ")
-
-
-def test_what_lasts_and_does_not_resume_says_why():
-    """The others end within ten seconds, go on until somebody ends them, or run another command."""
-    told = {words for words, made in COMMANDS.items() if made.epilog == UNKEPT}
-    assert told == {(name,) for name in BRIEF}
-    others = {words for words in COMMANDS if words not in _options("--resume") and words not in told}
-    brief = {("drive",), ("evaluate",), ("rerun",), ("serve",)}
-    assert {words for words in others if words[0] not in ("policy", "study")} == brief

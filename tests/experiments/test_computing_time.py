@@ -12,12 +12,10 @@ import numpy as np
 import pytest
 
 from steer_env import friction
-from steer_env.experiments.studies import real_time
 from steer_env.experiments.studies.common import computing_time
 from steer_env.experiments.studies.common.computing_time import CAR, COLUMN, Block, Clocks, estimate, in_turns
 from steer_env.friction.law import LAWS
 from steer_env.vehicle import cars
-from tests.experiments.faked_times import NONE, faked
 
 STEPS = 10
 TRUE = {"lugre": 100_000.0, "masing": 40_000.0, "own": 1_300_000.0}  # of a block [ns]
@@ -173,22 +171,3 @@ def test_the_bare_loop_sees_programs_on_its_processor(own_law, monkeypatch):
     finally:
         os.sched_setaffinity(0, processors)
     assert times.load.waiting > 0.1
-
-
-def test_the_command_tells_the_cost_and_which_law_is_integrated(monkeypatch, capsys):
-    monkeypatch.setattr(computing_time, "of_laws", lambda laws, car: faked({"viscous": 1370.0}, ["viscous"]))
-    monkeypatch.setattr(real_time, "accuracy", lambda p: [])
-    real_time.main(["--friction", "viscous"])
-    column, car = capsys.readouterr().out.splitlines()[-2:]
-    assert column.split()[1:5] == ["column", "1370", "1507", "13.700"]
-    assert car.split()[1] == "car"
-    assert all(line.endswith("integrated numerically") for line in (column, car))
-
-
-def test_the_command_prints_no_number_where_there_is_none(monkeypatch, capsys):
-    monkeypatch.setattr(computing_time, "of_laws", lambda laws, car: NONE)
-    monkeypatch.setattr(real_time, "accuracy", lambda p: [real_time.Row("midpoint", 1e-3, 1e-4, True)])
-    real_time.main(["--friction", "viscous"])
-    *_, head, last = capsys.readouterr().out.splitlines()
-    assert head.startswith("Computing time")
-    assert last.startswith("not measurable now")

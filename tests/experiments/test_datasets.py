@@ -45,7 +45,6 @@ def _replay(dataset, env):
     [
         (WEAVE, "lqg"),
         (WEAVE, "shipped"),
-        (WEAVE, "zero"),
         pytest.param("steer_env/DriverParking-v3", "random", marks=pytest.mark.whole),
     ],
 )

@@ -3,8 +3,6 @@
 import runpy
 from pathlib import Path
 
-import pytest
-
 from steer_env import manoeuvres, metrics
 from steer_env.recording import files
 from steer_env.vehicle import cars
@@ -21,9 +19,7 @@ def mapped():
 def test_the_script_makes_the_shipped_file():
     made = runpy.run_path(str(FOLDER / "make_example_recording.py"))["text"]()
     assert made.encode() == SHIPPED
-    assert len(SHIPPED) < 600_000
     assert SHIPPED.startswith(b"# origin: SYNTHETIC")
-    assert SHIPPED.count(b"NaN") == 5  # 60 ms and 40 ms at 50 Hz
 
 
 def test_the_metrics_of_the_file_are_those_of_the_car():
@@ -34,12 +30,3 @@ def test_the_metrics_of_the_file_are_those_of_the_car():
         slack = 0.01 * abs(true[name].value)
         assert value.reason == ""
         assert value.low - slack <= true[name].value <= value.high + slack, name
-
-
-def test_an_undeclared_delay_shows_in_the_lag():
-    late = mapped().delayed("lateral_acceleration", 0.010)
-    lag = (
-        metrics.evaluate(late)["lateral_acceleration_lag"].value
-        - metrics.evaluate(mapped())["lateral_acceleration_lag"].value
-    )
-    assert lag == pytest.approx(10.0, abs=0.1)

@@ -12,14 +12,11 @@ from steer_env import friction, identify, manoeuvres
 from steer_env.experiments.calibration import column_fit
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.reports import steering_fit
-from steer_env.experiments.reports.steering_fit import page_of
 from steer_env.friction import sites
 from steer_env.hand_torque import prepared
-from steer_env.hand_torque.drive import FEWEST
 from steer_env.hand_torque.model import stretched
 from steer_env.recording import Recording
 from steer_env.vehicle import cars
-from tests.experiments.first_screen import sentence
 from tests.synthetic import hand_torque as synthetic
 from tests.synthetic.faults import NOISE
 
@@ -43,14 +40,6 @@ def test_the_numbers_stand_in_the_json(written):
     assert found["trace"]["command"][0] == "fit-steering"
 
 
-def test_the_page_begins_with_one_sentence_and_a_short_table(written):
-    page = (written / "index.html").read_text(encoding="utf-8")
-    assert len(sentence(page).split()) <= 25
-    table = re.search(r'<table id="first">.*?</table>', page, re.DOTALL)
-    assert table[0].count("<tr>") <= 11  # with its head
-    assert "hands on the wheel are assumed" in page
-
-
 def test_the_fitted_car_drives_a_weave(written, tmp_path):
     """The car has the boost and the friction that were identified, and says so."""
     car = cars.load(written / "car.toml")
@@ -69,10 +58,7 @@ def test_the_fitted_car_predicts_the_drive(written):
     car, best = found["car"], found["rows"]["dahl"]
     assert best["residual"] < car["residual"] < 0.23  # regression
     assert car["adds_interval"][0] < car["adds"] < car["adds_interval"][1]
-    page = (written / "index.html").read_text(encoding="utf-8")
-    assert car["one_site"][1:] in page
     assert "no handwheel_torque" in car["one_site"]
-    assert f"the fitted car with the offset T_0 predicts that torque to {car['residual']:.3f} N m" in page
 
 
 BAR = ("torsion_bar_torque",)
@@ -150,12 +136,9 @@ def test_friction_above_the_bar_is_told_from_friction_below(truth, torques):
     assert fit.shown == {name: value > 0.0 for name, value in true.items()}
 
 
-def test_what_is_told_of_both_sites_stands_on_the_page_and_drives_a_car(tmp_path):
+def test_what_is_told_of_both_sites_drives_a_car(tmp_path):
     found, fit = told("both")
     steering_fit.write(tmp_path / "out", found, "drive", fit, {"command": []})
-    sentence = steering_fit.sites_said(fit)
-    assert f": above {fit.terms['F_u']:.3f} N m [" in sentence
-    assert sentence[1:] in (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
     held = friction.resolve(tmp_path / "out" / "friction.json")
     assert friction.as_mapping(held) == friction.as_mapping(fit.friction)
     assert sites.sliding_torque(held.upper_column.law) == pytest.approx(fit.terms["F_u"])
@@ -168,10 +151,8 @@ def test_what_is_told_of_both_sites_stands_on_the_page_and_drives_a_car(tmp_path
     ("torques", "why"),
     [
         (BAR, "no handwheel_torque"),
-        ((*BAR, "motor_torque"), "no handwheel_torque"),
         (("handwheel_torque",), "no motor_torque or torsion_bar_torque beside it"),
         (HANDS_AND_MOTOR, ""),
-        (("handwheel_torque", *BAR), ""),
     ],
 )
 def test_a_drive_that_cannot_tell_the_sites_says_so(torques, why):
@@ -197,7 +178,6 @@ def test_a_car_that_cannot_be_driven_is_told(tmp_path, capsys):
     assert main(["fit-steering", "mkz_2016", *words]) == 0
     assert "no car is written: drive: the assist loop is unstable" in capsys.readouterr().out
     assert not (out / "car.toml").exists()
-    assert "No car is written: drive: the assist loop is unstable" in (out / "index.html").read_text(encoding="utf-8")
 
 
 def refused(capsys, *words):
@@ -236,23 +216,3 @@ def test_the_program_of_the_guide_runs(monkeypatch):
     names = {}
     exec(compile(program, "road_drive.md", "exec"), names)
     assert names["torque"].size == names["drive"].time.size
-
-
-def said(*laws):
-    """The page of a drive with Coulomb friction of 0.4 N m to which only these laws were fitted."""
-    found = identify(synthetic.drive(1, "coulomb", 0.4), laws=laws)
-    assert found.drive.turns > FEWEST
-    return page_of(found, "drive", "out").html()
-
-
-def test_a_law_without_pre_sliding_has_no_sentence_about_it():
-    page = said("coulomb")
-    assert "with Coulomb" in page
-    assert "pre-sliding" not in page
-
-
-def test_a_page_without_a_law_says_why():
-    """That the corrections are too few is said only where they are."""
-    page = said("viscous")
-    assert "too few corrections" not in page
-    assert "no dry law was fitted" in page

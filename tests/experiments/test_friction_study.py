@@ -31,11 +31,6 @@ def test_dry_and_set_valued_are_read_off_any_law(toy):
     assert not study.dry(friction.make("viscous", sigma_2=100.0))
 
 
-def test_the_nested_loops_turn_where_the_residual_thinks():
-    x = study.HISTORIES["nested_loops"].x / study.DEGREE
-    assert (x[study.SATURATED_TURN], x[study.NESTED_TURN]) == pytest.approx((4.0, 2.0))
-
-
 def test_torque_stays_while_a_displacement_is_held():
     torque = study.characteristics(friction.make("masing"))["held"]
     assert torque[-1] == torque[-400] != 0.0

@@ -86,12 +86,6 @@ def test_thresholds_are_of_sustained_torques_and_angles_alone():
             assert not (word in name.split("_") and just_noticeable.applies(name)), name
 
 
-def test_the_words_tell_where_the_interval_reaches_across():
-    assert str(Perception(PERCEPTIBLE, False)) == "perceptible?"
-    assert str(Perception(IMPERCEPTIBLE, True)) == "not perceptible"
-    assert str(Perception(UNKNOWN)) == "no threshold known"
-
-
 def value(name, *repeats):
     mean = sum(repeats) / len(repeats)
     return Value(mean, mean, mean, metrics.definition(name).unit, repeats=repeats)

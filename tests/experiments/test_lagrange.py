@@ -10,10 +10,9 @@ pytest.importorskip("stable_baselines3")
 
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv
 
-from steer_env.experiments.learning import lagrange, policy, policy_report
-from steer_env.experiments.learning.constants import CONSTRAINT
+from steer_env.experiments.learning import lagrange, policy
 from steer_env.experiments.learning.lagrange import PenalisedVecEnv
-from steer_env.experiments.learning.training import Training, write_rows
+from steer_env.experiments.learning.training import Training
 
 
 class Constant(VecEnv):
@@ -107,14 +106,3 @@ def test_bad_budgets(tmp_path):
         Training("steer_env/AssistWeave-v3", None, tmp_path / "run", cost_budget=0.0)
     with pytest.raises(ValueError, match=r"cost_budget needs an algorithm that trains on rollouts, .* got sac"):
         Training("steer_env/AssistWeave-v3", "sac", tmp_path / "run", cost_budget=1.0)
-
-
-def test_the_report_draws_the_budget_beside_the_cost(tmp_path):
-    write_rows(tmp_path / "learning.csv", [{"steps": k, "reward": 1.0, "cost": 0.5 * k} for k in range(3)])
-    assert "budget of run" not in policy_report._learning({"run": tmp_path / "learning.csv"}, {})
-    env = PenalisedVecEnv(Constant(0.6), 1.5)
-    env.reset()
-    for _ in range(3):
-        rollout(env)
-    write_rows(tmp_path / CONSTRAINT, [row._asdict() for row in env.rows])
-    assert "budget of run" in policy_report._learning({"run": tmp_path / "learning.csv"}, {})

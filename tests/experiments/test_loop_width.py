@@ -6,11 +6,10 @@ from dataclasses import replace
 import pytest
 
 from steer_env import manoeuvres
-from steer_env.experiments.pages import pictures
 from steer_env.experiments.studies import loop_width
 from steer_env.experiments.studies.loop_width import AT_0G, DEADBAND, SLOW, WEAVE, Key, Width, verdict
 from steer_env.friction import defaults
-from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE
+from steer_env.metrics.common.filtered_channels import AY, TORQUE
 from steer_env.metrics.common.loops import Loops
 from steer_env.vehicle import cars
 
@@ -73,23 +72,6 @@ def test_verdict_of_the_default_car(curves):
         assert 0 < slow.rest < 0.25
 
 
-def test_sentence(curves):
-    assert loop_width.sentence(curves) == (
-        "torque at 0 g in the weave, 0.2 Hz, 100 km/h: the signed width grows with friction throughout, and so does "
-        "its absolute value.\ntorque dead band in the weave, 0.2 Hz, 100 km/h: the signed width grows with friction "
-        "throughout, and so does its absolute value."
-    )
-
-
-def test_sentence_of_a_width_that_folds():
-    curve = [Width(0.0, -0.2, -0.2), Width(0.5, 0.2, -0.2), Width(1.0, 0.6, -0.2)]
-    found = loop_width.sentence({Key("compact", "lugre", WEAVE, DEADBAND): curve})
-    assert found.endswith(
-        "its absolute value first falls, to zero where friction balances lag and damping, at a friction torque of "
-        "0.25 N m (compact: lugre)."
-    )
-
-
 @pytest.mark.parametrize(
     ("totals", "signed", "unsigned", "zero"),
     [((1, 2, 3), True, True, math.nan), ((-1, 1, 3), True, False, 0.5), ((1, 0.5, 2), False, False, math.nan)],
@@ -98,11 +80,3 @@ def test_verdict(totals, signed, unsigned, zero):
     found = verdict([Width(float(k), float(total), 0.0) for k, total in enumerate(totals)])
     assert (found.signed, found.unsigned) == (signed, unsigned)
     assert found.zero == pytest.approx(zero, abs=0.1, nan_ok=True)
-
-
-def test_figure_and_table(curves):
-    svg = pictures.loop_width(loop_width.panels(curves))
-    for text in (WEAVE, SLOW, AT_0G, DEADBAND, "compact"):
-        assert text in svg
-        assert text in loop_width.table(curves)
-    assert ANGLE not in svg

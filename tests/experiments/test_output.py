@@ -13,11 +13,9 @@ from scipy import stats
 
 from steer_env import friction, metrics
 from steer_env.experiments import sweep
-from steer_env.experiments.cli.common import tables
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.pages import options, pages, pictures, provenance, style, words
 from steer_env.experiments.pages.files import replaced_directory, write_text
-from steer_env.experiments.pages.words import number
 from steer_env.experiments.reports import report
 from steer_env.experiments.studies.common import battery
 from steer_env.metrics.common.confidence import difference
@@ -81,11 +79,6 @@ def test_a_law_from_outside_reaches_the_worker_processes(toy):
     laws = [friction.make("toy_jenkins"), friction.make("toy_jenkins")]
     found = sweep.run(_response, laws, where=sweep.Where(2))
     assert [each.tolist() for each in found] == 2 * [[0.0, 0.9]]
-
-
-def test_every_number_of_the_car_has_its_unit():
-    car = cars.load()
-    assert provenance.car(car)["chassis"]["mass"] == {"value": car.chassis["mass"], "unit": "kg"}
 
 
 @pytest.mark.filterwarnings("ignore::steer_env.vehicle.cars.UnusualCar")
@@ -159,45 +152,6 @@ def test_the_digest_covers_all_four_packages_once():
     assert not [name for name in found if name.startswith("steer_env/")]
 
 
-@pytest.mark.parametrize(
-    ("x", "digits", "text"),
-    [
-        (None, 3, "–"),
-        (float("inf"), 3, "∞"),
-        (-0.5, 3, "−0.5"),
-        (99.6, 2, "100"),
-        (1e-9, 3, "1·10⁻⁹"),
-        (123456.0, 3, "123456"),
-    ],
-)
-def test_numbers_in_words(x, digits, text):
-    assert number(x, digits) == text
-
-
-@pytest.mark.parametrize(
-    ("name", "expected"),
-    [
-        ("torque_gain_at_1hz", "torque gain at 1 Hz"),
-        ("torque_at_0p1g", "torque at 0.1 g"),
-        ("lateral_acceleration_at_0nm", "lateral acceleration at 0 N m"),
-        ("understeer_gradient_at_6m_s2", "understeer gradient at 6 m/s²"),
-        ("torque_excess_at_500_deg_s", "torque excess at 500 deg/s"),
-        ("yaw_rate_after_1s", "yaw rate after 1 s"),
-        ("angle_deadband", "angle dead band"),
-        ("lane_change_torque_rms", "lane change torque RMS"),
-        ("yaw_rate_time_to_90", "yaw rate time to 90 %"),
-    ],
-)
-def test_names_of_metrics_are_read_as_words(name, expected):
-    assert words.label(name).replace("\u00a0", " ") == expected
-
-
-def test_ranges_and_units_are_read_as_words():
-    assert words.span((-20.0, 20.0)) == "−20 to 20"
-    assert words.span((6.141, 6.142)) == "6.14"
-    assert [words.unit(name) for name in ("1", "m/s2", "N m")] == ["", "m/s²", "N m"]
-
-
 @style.styled
 def _drawn():
     figure = style.new_figure(4.0, 3.0)
@@ -267,21 +221,6 @@ def test_the_data_of_a_picture_name_its_rows(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("x", "text"),
-    [
-        (-1.9939, "−199 %"),
-        (0.14923, "+14.9 %"),
-        (0.012345, "+1.23 %"),
-        (0.09999, "+10.0 %"),
-        (0.00012, "+0.01 %"),
-        (float("nan"), "–"),
-    ],
-)
-def test_changes_have_three_digits_at_most(x, text):
-    assert words.change(x).replace("\u00a0", " ") == text
-
-
-@pytest.mark.parametrize(
     ("x", "half", "text"),
     [
         (8.5032, 0.0123, "8.50 ± 0.01"),
@@ -295,14 +234,6 @@ def test_changes_have_three_digits_at_most(x, text):
 )
 def test_a_value_ends_where_its_interval_begins(x, half, text):
     assert words.within(x, half) == text
-
-
-def test_a_definition_is_prose():
-    """No marks of the docstrings' markup."""
-    for law in friction.available():
-        text = provenance.law(friction.make(law))["definition"]
-        assert not re.search(r":\w+:`|``", text), law
-    assert "E(X), p1(X) and p2(X) of\nbristle:" in provenance.law(friction.make("lugre"))["definition"]
 
 
 def test_long_work_without_a_terminal_says_every_tenth_part(capsys, monkeypatch):
@@ -334,10 +265,3 @@ def test_a_difference_of_values_near_zero_is_not_seventeen_fold():
     found = battery.difference("residual_handwheel_angle", value, base)
     assert found.share == pytest.approx(0.123 / 3.0)
     assert not found.matters
-
-
-def test_a_title_longer_than_its_table_stays_on_one_line(capsys, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "60")
-    title = "weave, lugre, a car with a long name on a tyre with a longer one, single_track [as driven]"
-    tables.print_metrics({"yaw_lag": metrics.Value(70.0, 69.0, 71.0, "ms")}, title)
-    assert capsys.readouterr().out.splitlines()[0] == title

@@ -3,7 +3,6 @@
 import argparse
 import functools
 import importlib
-import os
 import pickle
 import sys
 
@@ -161,22 +160,6 @@ def test_workers_import_the_law_before_they_work(command, written, monkeypatch, 
     workers, modules = found.value.args
     assert (workers, len(modules)) == (2, 2)
     assert all(MODULE in each for each in modules)
-
-
-@pytest.mark.whole
-@pytest.mark.parametrize("command", ["audit", "study loop-width"])
-def test_workers_know_the_law_before_they_work(command, written, monkeypatch, asked):
-    """The same in processes."""
-    written()
-
-    def kept(_, cases, *, notify=None, words=None, store=None, **given):
-        raise StoppedError(asked(**given))
-
-    monkeypatch.setattr(sweep, "run", kept)
-    with pytest.raises(StoppedError) as found:
-        run(COMMANDS[command])
-    for process, (k, module) in found.value.args[0]:
-        assert (process != os.getpid(), k, module) == (True, 100.0, MODULE)
 
 
 @pytest.mark.whole

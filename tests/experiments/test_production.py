@@ -18,7 +18,6 @@ from steer_env.experiments.cli.main import main
 from steer_env.tuning import driving
 from steer_env.tuning.driving import thinned
 from steer_env.vehicle import cars
-from tests.experiments.first_screen import sentence
 
 RANGES = {"column.K_tb": 0.1, "friction_level": (0.7, 1.3), "boost_level": 0.05}
 
@@ -134,13 +133,12 @@ def test_a_large_population_has_few_cases():
 
 
 @pytest.mark.whole
-def test_workers_and_a_cluster_give_the_same_to_the_bit():
-    places = ({"workers": 1}, {"workers": 2}, {"cluster": "local:1"})
-    found = [
-        steer_env.population("compact", population.BLOCK + 2, RANGES, ("weave", "double-lane-change"), **place)
-        for place in places
-    ]
-    assert repr(found[0]) == repr(found[1]) == repr(found[2])
+def test_workers_give_the_same_to_the_bit():
+    one, two = (
+        steer_env.population("compact", population.BLOCK + 2, RANGES, ("weave", "double-lane-change"), workers=workers)
+        for workers in (1, 2)
+    )
+    assert repr(one) == repr(two)
 
 
 def test_shares_and_intervals_are_those_of_closed_forms():
@@ -150,7 +148,7 @@ def test_shares_and_intervals_are_those_of_closed_forms():
     assert math.isnan(production.Share(0, 0).value)
 
 
-def test_the_parameter_that_decides_is_named(faked, tmp_path):
+def test_the_parameter_that_decides_is_named(faked):
     """Friction above 1.05 misses a band, below 0.8 a metric is refused; no car is in a third; others do nothing."""
     found = production.collect(study(), targets.load("compact"), "lugre", 400, seed=2)
     level = found.cars.parameters["friction_level"]
@@ -166,18 +164,8 @@ def test_the_parameter_that_decides_is_named(faked, tmp_path):
     inner = found.narrowed["friction_level"]
     assert (inner.cars, inner.of) == tuple(np.sum((abs(level - 1.0) <= 0.15) & w) for w in (level < 1.05, level > 0.0))
     assert rows["angle_hysteresis"].drivers == ()
-    page, data = production_page.build(found)
-    text = page.html()
-    assert sentence(text).endswith("of 400 cars built with these tolerances are in every good band.")
-    assert "The nominal car itself is outside angle dead band; " in page.text()
-    assert "What tells cars that fail from those that pass is friction level" in page.text()
+    _, data = production_page.build(found)
     assert len(json.loads(json.dumps(data, allow_nan=False))["cars"]["weave.torque_at_0g"]) == 400
-
-
-def test_few_cars_say_that_they_are_few(faked):
-    page, data = production_page.build(production.collect(study(), targets.load("compact"), "lugre", 1))
-    assert "Too few cars fail, or pass" in page.text()
-    assert data["total"]["of"] == 1
 
 
 @pytest.mark.parametrize(

@@ -47,10 +47,7 @@ def test_two_files_of_one_name_with_other_torsion_bars_are_told_apart(tmp_path):
     assert found[0] != found[1]
 
 
-WHOLE = [pytest.param(suffix, marks=pytest.mark.whole) for suffix in ("mat", "mf4")]
-
-
-@pytest.mark.parametrize("suffix", ["csv", *WHOLE])
+@pytest.mark.parametrize("suffix", ["csv", pytest.param("mf4", marks=pytest.mark.whole)])
 def test_a_recording_is_made_again_by_its_own_content(suffix, tmp_path, capsys):
     """The car file and the tyre file of the command are gone, and one of their names is another car's."""
     (tmp_path / "a.toml").write_text(STIFF.format(140.0))

@@ -85,12 +85,8 @@ def test_unlike_conditions_are_not_compared(key, near, far, text, weave, told):
 @pytest.mark.parametrize(
     ("line", "text"),
     [
-        ("speed_m_s = [27.8]", "speed_m_s must be a number, got [27.8]"),
         ('speed_m_s = "fast"', "speed_m_s must be a number, got 'fast'"),
         ("speed_m_s = 0", "speed_m_s must be finite and greater than 0, got 0"),
-        ("speed_m_s = nan", "speed_m_s must be finite and greater than 0, got nan"),
-        ('frequency_hz = "slow"', "frequency_hz must be a number, got 'slow'"),
-        ('torque_scale_error = "2 %"', "torque_scale_error must be a number, got '2 %'"),
         ("torque_scale_error = 2", "torque_scale_error must be finite and at least 0 and at most 1, got 2"),
         ('manoeuvre = ["weave"]', "manoeuvre must be text, one of catch-up, "),
     ],
@@ -103,8 +99,7 @@ def test_a_bad_condition_is_one_line_with_its_file(line, text, weave, told, tmp_
     assert f"a.csv (mapping m.toml): {text}" in error
 
 
-@pytest.mark.parametrize("option", ["--speed-kph", "--frequency-hz"])
-@pytest.mark.parametrize("value", ["0", "nan", "-3"])
+@pytest.mark.parametrize(("option", "value"), [("--speed-kph", "0"), ("--frequency-hz", "nan")])
 def test_a_condition_of_the_options_is_checked_too(option, value, weave, told):
     save(weave, "a.csv")
     code, error = told("evaluate", "a.csv", f"{option}={value}")

@@ -14,10 +14,9 @@ from steer_env.metrics.common import definitions
 from steer_env.metrics.common import evaluate as evaluation
 from tests.synthetic import faults, loops
 from tests.synthetic.cases import CASES
-from tests.synthetic.coverage import Coverage, collect, coverage, examples
+from tests.synthetic.coverage import collect, coverage, examples
 from tests.synthetic.faults import DELAY, FAULTS, TOGETHER, Fault
 from tests.synthetic.loops import linear_car
-from tests.verification import synthetic
 
 LOOPS = [name for name in CASES if name.startswith(("weave", "slow ramp"))]
 TRIALS = 2  # of a case behind a fault; the mark has 200
@@ -58,15 +57,6 @@ def test_truth_behind_all_faults_in_60_trials(case):
     found = behind_all_faults(case, 60)
     assert {name: entry.kept for name, entry in found.items() if entry.kept < 0.9} == {}
     assert all(entry.refused == 0.0 for entry in found.values())
-
-
-def test_the_requirement_names_the_lowest(monkeypatch):
-    kept, lost = Coverage(0.97, 0.0, 0.1), Coverage(0.85, 0.0, 0.1)
-    found = {"a case": {"offset": {"yaw_lag": kept, "loop_area": lost}, "long": {"yaw_lag": kept._replace(kept=1.0)}}}
-    monkeypatch.setattr(synthetic, "collect", lambda trials, _: found)
-    rows = list(synthetic.rows())
-    assert [(row.what, row.verdict) for row in rows] == [("a case: offset", "FAIL"), ("a case: long", "pass")]
-    assert rows[0].measured == "85.0 %, loop area"
 
 
 def test_an_interval_that_is_too_narrow_is_found(monkeypatch):

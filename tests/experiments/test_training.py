@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import stable_baselines3
 
-from steer_env import assists, friction
+from steer_env import assists
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.learning import assist_suite, held_out, policy, policy_report, shift, training
 from steer_env.experiments.learning.constants import SHIFTS
@@ -22,7 +22,6 @@ from steer_env.experiments.learning.training import Training, settings
 from steer_env.experiments.pages.options import Friction
 from steer_env.registration import DRIVEN, id_of
 from steer_env.vehicle import cars
-from tests.experiments.first_screen import sentence
 
 WEAVE, ON_CENTRE = "steer_env/AssistWeave-v3", "steer_env/DriverOnCentre-v3"
 LUGRE = Friction("lugre")
@@ -49,14 +48,15 @@ def test_a_run_leaves_policy_curve_checkpoint_and_settings(trained):
     assert any((trained / "tensorboard").rglob("events*"))
 
 
-@pytest.mark.whole
-def test_the_same_seed_and_steps_train_the_same_policy(trained, tmp_path):
-    Training(WEAVE, "ppo", tmp_path / "again", seed=1, friction=LUGRE).run(steps=8192)
-    rewards = []
-    for out in (trained, tmp_path / "again"):
-        with (out / "learning.csv").open(encoding="utf-8") as file:
-            rewards.append([row["reward"] for row in csv.DictReader(file)][-1])
-    assert rewards[0] == rewards[1]
+def test_the_same_seed_and_steps_train_the_same_policy(tmp_path):
+    weights = []
+    for seed in (1, 1, 2):
+        run = Training(WEAVE, "ppo", tmp_path / f"run{len(weights)}", seed=seed, friction=LUGRE)
+        run.settings["algorithm"] |= SMALL
+        run.run(steps=128)
+        with zipfile.ZipFile(run.out / "policy.zip") as archive:
+            weights.append(archive.read("policy.pth"))
+    assert weights[0] == weights[1] != weights[2]
 
 
 def test_a_policy_acts_alike_in_single_and_vector_environments(trained):
@@ -106,25 +106,25 @@ def test_a_policy_holds_its_action_between_its_own_steps(tmp_path):
         policy.Policy(path, gym.make(env_id, control_dt=0.02))
 
 
-@pytest.mark.whole
-def test_resume_goes_on(trained, tmp_path):
+def test_resume_goes_on(tmp_path):
     out = tmp_path / "run"
     first = Training(WEAVE, "ppo", out, friction=LUGRE)
-    first.run(steps=8192)
+    first.settings["algorithm"] |= SMALL
+    first.run(steps=128)
     second = Training(WEAVE, "ppo", out, friction=LUGRE, resume=True)
     assert second.seconds > 0.0
-    second.run(steps=16384)
+    second.run(steps=256)
     with (out / "learning.csv").open(encoding="utf-8") as file:
         steps = [int(row["steps"]) for row in csv.DictReader(file)]
-    assert steps[-1] >= 16384
+    assert steps[-1] >= 256
     third = Training(WEAVE, None, out, resume=True)
     curve, best = (out / "learning.csv").read_bytes(), policy.about(out / "policy.zip")
-    third.run(steps=16384)  # as if it had been killed before its report: nothing is trained, nothing validated again
+    third.run(steps=256)  # as if it had been killed before its report: nothing is trained, nothing validated again
     third.run(minutes=1e-5)
     assert (out / "learning.csv").read_bytes() == curve
     assert policy.about(out / "policy.zip") == best
     (out / "latest.zip").write_bytes(b"")  # as if it had been killed in its last validation, which is made again
-    Training(WEAVE, None, out, resume=True).run(steps=16384)
+    Training(WEAVE, None, out, resume=True).run(steps=256)
     with (out / "learning.csv").open(encoding="utf-8") as file:
         assert [int(row["steps"]) for row in csv.DictReader(file)] == [*steps, steps[-1]]
     assert not (out / "latest.zip").exists()
@@ -258,7 +258,6 @@ def test_a_constant_learning_rate(tmp_path):
     run.settings["algorithm"] |= {**SMALL, "learning_rate_decay": False}
     run.run(steps=128)
     assert _learning_rate(run.out) == run.settings["algorithm"]["learning_rate"]
-    assert re.fullmatch(r"[\d,]+ steps in \d+ s, of which the environments took \d+%", run.told)
 
 
 KILLED = """
@@ -326,10 +325,6 @@ def test_policies_of_several_laws_are_compared_on_one(trained, tmp_path, capsys)
     assert "with friction masing: give --friction" in error
     assert not (tmp_path / "out").exists()
     assert main([*command, "--friction", "coulomb"]) == 0
-    page = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
-    assert "1 episode: no interval" in page
-    assert "friction coulomb" in page
-    assert "run against the others" in page
     drawn = {"environment": {"control_dt": 0.01, "randomise": {"load": [0, 100]}}}
     changed = policy.about(trained / "policy.zip")["settings"] | drawn
     third = _as_trained_on(ours, tmp_path / "third", settings=changed)
@@ -338,31 +333,10 @@ def test_policies_of_several_laws_are_compared_on_one(trained, tmp_path, capsys)
 
 
 @pytest.mark.whole
-def test_shift_command(trained, tmp_path, capsys, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "160")
+def test_shift_command(trained, tmp_path, capsys):
     path, out = str(trained / "policy.zip"), tmp_path / "shift"
-    command = [
-        "policy",
-        "shift",
-        path,
-        "--over",
-        "level",
-        "law",
-        "--friction",
-        "coulomb",
-        "--episodes",
-        "2",
-        "--out",
-        str(out),
-    ]
-    assert main(command) == 0
-    printed = capsys.readouterr().out
-    for name in ("best baseline", "coulomb", "rms feel error [N m]", "±", "as trained"):
-        assert name in printed
-    assert "…" not in printed
-    page = (out / "index.html").read_text(encoding="utf-8")
-    assert "beside zero, active return, boost, damping" in page
-    assert "policy less friction compensation" in page
+    over = ["--over", "level", "law", "--friction", "coulomb", "--episodes", "2"]
+    assert main(["policy", "shift", path, *over, "--out", str(out)]) == 0
     assert "<svg" in (out / "shift.svg").read_text(encoding="utf-8")
     found = json.loads((out / "shift.json").read_text())
     assert list(found["over"]["level"]) == ["0.5", "1", "2", "3", "5"]
@@ -372,41 +346,6 @@ def test_shift_command(trained, tmp_path, capsys, monkeypatch):
     assert "was trained for steer_env/AssistWeave-v3, not steer_env/AssistRelease-v4" in capsys.readouterr().err
     assert main(["policy", "shift", path, "--over", "load", "--friction", "coulomb"]) == 2
     assert "--friction names the laws of --over law, and --over is load" in capsys.readouterr().err
-
-
-def test_evaluation_on_another_task_names_both(trained, tmp_path, capsys):
-    command = ["policy", "evaluate", str(trained / "policy.zip"), "--out", str(tmp_path / "out")]
-    assert main([*command, "--env", "steer_env/DriverParking-v3"]) == 2
-    assert (
-        "was trained for steer_env/AssistWeave-v3 and cannot act in steer_env/DriverParking" in capsys.readouterr().err
-    )
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out" / "mine.txt").write_text("")
-    assert main(command) == 2
-    assert "holds other files (mine.txt)" in capsys.readouterr().err
-
-
-def test_differences_are_shaded_by_what_is_better():
-    def estimate(value, half=0.1):
-        return held_out.Estimate(value, value - half, value + half)
-
-    one = estimate(1.0)
-    assert policy_report.shade("reward", estimate(0.5), one, one) == "better"
-    assert policy_report.shade("rms_feel_error", estimate(0.5), one, one) == "worse"
-    assert policy_report.shade("steering_work", estimate(0.5), one, one) == "differs"
-    assert policy_report.shade("reward", estimate(0.05), one, one) == ""
-    assert policy_report.shade("cost", held_out.Estimate(1e-17, 1e-18, 2e-17), estimate(0.0), estimate(0.0)) == ""
-
-
-@pytest.mark.parametrize(
-    ("law", "words"),
-    [
-        ("lugre,F_c=1.2", "lugre, F_c 1.2, F_s 1.2"),
-        ("coulomb,F_c=0.1@upper_column+dahl@gear", "coulomb,F_c=0.1@upper_column+dahl,sigma_0=100,F_c=0.9@gear"),
-    ],
-)
-def test_a_report_tells_the_friction(law, words):
-    assert policy_report.conditions({"friction": friction.resolve(law)}) == {"friction": words}
 
 
 @pytest.mark.whole
@@ -447,8 +386,7 @@ def test_estimates():
 
 
 @pytest.mark.whole
-def test_evaluation_writes_its_report(trained, tmp_path, capsys, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "120")  # a terminal in which no name of a metric is folded
+def test_evaluation_writes_its_report(trained, tmp_path):
     out = tmp_path / "evaluation"
     assert (
         main(["policy", "evaluate", str(trained / "policy.zip"), "--env", WEAVE, "--episodes", "3", "--out", str(out)])
@@ -459,21 +397,8 @@ def test_evaluation_writes_its_report(trained, tmp_path, capsys, monkeypatch):
     baseline = ["policy", "evaluate", "boost", "--env", WEAVE]
     assert main([*baseline, "--episodes", "2", "--out", str(tmp_path / "boost")]) == 0
     page = (out / "index.html").read_text(encoding="utf-8")
-    assert sentence(page).startswith("Policy: reward ")
-    assert "policy less active return, boost, damping, friction compensation" in page
-    for condition in ("load 0 to 300 kg", "speed 22 to 33 m/s", "sensor noise 0 to 1", "action gain 0.7 to 1.6"):
-        assert f"{condition}; " in page
-    assert "clean share" not in page  # as there are no cones
-    assert "failed share" in page
-    assert "<h2>Learning</h2>" in page
     assert page.count('<img src="data:image/svg+xml') == 2  # rewards with intervals, and the learning curve
     assert page.count('<img src="data:image/png') == 8  # frames of two first episodes
-    printed = capsys.readouterr().out
-    for name in ("rms feel error", "damping", "compensation"):
-        assert name in printed
-    assert (
-        main(["policy", "evaluate", "boost", "--env", WEAVE, "--episodes", "2", "--out", str(tmp_path / "boost")]) == 0
-    )
 
 
 @pytest.mark.whole
@@ -550,16 +475,12 @@ def test_speeds_of_scenarios_are_not_replaced(tmp_path, capsys):
 
 
 @pytest.mark.whole
-def test_a_shift_changes_the_reward(trained, tmp_path):
+def test_a_shift_changes_the_reward(trained):
     chosen = {over: shift.changes(over, WEAVE, LUGRE, [Friction("coulomb")])[:1] for over in ("law", "noise")}
     found = shift.collect(trained / "policy.zip", chosen, 2)
     assert found.home.lost.value == 0.0
     assert found.cells["law"]["coulomb"].lost.value != 0.0
     assert found.cells["noise"]["0"].lost.value != 0.0  # the training draws noise
-    shift.write(tmp_path / "shift", found)
-    page = (tmp_path / "shift" / "index.html").read_text(encoding="utf-8")
-    assert "coulomb" in page
-    assert sentence(page).startswith("The reward of the policy falls most with ")
 
 
 @pytest.mark.parametrize(
@@ -567,22 +488,16 @@ def test_a_shift_changes_the_reward(trained, tmp_path):
     [
         (["train", "--env", "steer_env/DriverFlying-v3"], "unknown environment 'steer_env/DriverFlying-v3'; there are"),
         (["train", "--env", "steer_env/AssistWeave-v0"], "it is replaced by steer_env/AssistWeave-v3"),
-        (["train", "--env", "steer_env/AssistRelease-v1"], "it is replaced by steer_env/AssistRelease-v4"),
         (["train", "--env", WEAVE, "--minutes", "-1"], "minutes must be .*greater than 0"),
-        (["train", "--env", WEAVE, "--minutes", "nan"], "minutes must be finite"),
         (["train", "--env", WEAVE, "--steps", "0"], "--steps: must be a whole number of at least 1, got '0'"),
-        (["train", "--env", WEAVE, "--episodes", "0"], "--episodes: must be a whole number of at least 1 and at most"),
         (["train", "--env", WEAVE, "--seed", "-1"], "--seed: must be a whole number of at least 0"),
         (["train", "--env", WEAVE, "--out", "file/run"], "cannot be made, as .*file is a file"),
         (["train", "--env", WEAVE, "--out", "file"], "file is a file: give a directory"),
         (["train", "--env", "steer_env/TuneOnCentre-v3"], "tunes assist parameters"),
-        (["policy", "evaluate", "boost", "--env", WEAVE, "--out", "file"], "file is a file: give a directory"),
         (["policy", "evaluate", "boost", "boost", "--env", WEAVE], "'boost' is given twice"),
         (["policy", "evaluate", "boost"], "--env must name the environment"),
         (["policy", "evaluate", "."], r"\. is a folder: give the policy\.zip in it"),
-        (["policy", "suite", ".", "--env", WEAVE], r"\. is a folder: give the policy\.zip in it"),
         (["train", "--env", "AssistWeave-v3"], "; did you mean steer_env/AssistWeave-v3;"),
-        (["train", "--env", "steer_env/AssistWeave"], "; did you mean steer_env/AssistWeave-v3;"),
         (["policy", "shift", "lqg"], "a baseline, which was not trained"),
         (["train", "--env", WEAVE, "--resume", "--library-defaults"], "a resumed one keeps its settings: leave it out"),
         (["policy", "shift", "weave"], "'weave' is no policy: give a policy.zip"),
@@ -590,11 +505,9 @@ def test_a_shift_changes_the_reward(trained, tmp_path):
         (["train", "--env", WEAVE, "--minutes", "1", "--steps", "5"], "not allowed with"),
         (["policy", "evaluate", "nobody", "--env", WEAVE], "neither a policy.zip nor a baseline .*boost"),
         (["policy", "evaluate", "nothing.zip", "--env", WEAVE], "no file nothing.zip"),
-        (["policy", "shift", "nothing.zip", "--over", "law"], "no file nothing.zip"),
     ],
 )
 def test_bad_commands(arguments, message, tmp_path, monkeypatch, capsys):
-    import re
 
     monkeypatch.chdir(tmp_path)
     (tmp_path / "file").write_text("")
@@ -662,15 +575,6 @@ def test_an_assist_is_trained_at_the_margins(env_id):
         assert drawn[name][1] >= high, name
     gym.make(env_id, **training.conditions(env_id)).close()  # the environment takes them
     assert settings(env_id, "ppo")["controller"] == {"guard": 1.0}
-
-
-def test_ranges_of_an_id_stand_beside_those_of_all_assists():
-    weave, all_round = (
-        training.conditions(f"steer_env/{name}-v3")["randomise"] for name in ("AssistWeave", "AssistAllRound")
-    )
-    assert weave["speed"] == [22, 33]  # its own
-    assert (weave["delay"], all_round["delay"]) == ([0.0, 0.02], [0.0, 0.03])  # its own, and of all
-    assert weave["load"] == all_round["load"] == [0, 300]  # of all
 
 
 @pytest.mark.parametrize("env_id", [id_of("AssistWeave"), id_of("AssistAllRound")])

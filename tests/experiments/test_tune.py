@@ -145,10 +145,9 @@ def test_processes_share_a_study_and_lose_no_set_of_a_killed_one(tmp_path):
 
 
 @pytest.mark.whole
-@pytest.mark.parametrize("where", [Where(workers=2), Where(2, "local")])
-def test_workers_of_a_sweep_share_a_study(tmp_path, where):
+def test_workers_of_a_sweep_share_a_study(tmp_path):
     one = job(tmp_path, 10, 0.2)
-    counts = run(search.work, [WorkerOf(one, i) for i in range(2)], where=where)
+    counts = run(search.work, [WorkerOf(one, i) for i in range(2)], where=Where(workers=2))
     assert sum(counts) == 10
     assert min(counts) > 0
     assert len(search.finished(study_of(one))) == 10
@@ -205,26 +204,17 @@ def sets(*rows):
 
 def test_what_the_sets_show():
     bands = {name: Band((0.0, 1.0), (-1.0, 2.0)) for name in "ab"}
-    posed, units = SimpleNamespace(bands=bands), dict.fromkeys("ab", "N m")
 
     def judged(*rows):
-        found = feasibility.judge(posed, sets(*rows), ("a", "b"))
-        return found, " ".join(feasibility.sentences(posed, found, units, "TPE"))
+        return feasibility.judge(SimpleNamespace(bands=bands), sets(*rows), ("a", "b"))
 
-    found, told = judged(((0.5, 0.5), (0.5, 1.0), True), ((9.0, 9.0), (9.0, 9.0), True))
-    assert found.reached
-    assert told.startswith("Feasible")
-    found, told = judged(((0.5, 0.5), (0.5, 1.5), True), ((0.5, 2.0), (0.5, 0.6), True))
+    assert judged(((0.5, 0.5), (0.5, 1.0), True), ((9.0, 9.0), (9.0, 9.0), True)).reached
+    found = judged(((0.5, 0.5), (0.5, 1.5), True), ((0.5, 2.0), (0.5, 0.6), True))
     assert not found.reached
     assert not found.never
     assert found.pairs[0].metrics == ("a", "b")
-    assert "a and b may conflict (2 sets that keep the constraints are too few to tell)" in told
-    many = [((0.5, 0.5), (0.5, 1.5), True), ((0.5, 2.0), (0.5, 0.6), True)] * (feasibility.FEW // 2)
-    assert "a and b conflict, as far as 100 sets" in judged(*many)[1]
-    found, told = judged(((0.5, 1.5), (0.5, 0.5), True), ((0.5, 0.5), (0.5, 0.5), False))
+    found = judged(((0.5, 1.5), (0.5, 0.5), True), ((0.5, 0.5), (0.5, 0.5), False))
     assert [c.metric for c in found.never] == ["a"]
-    assert "a is in no set in its band of 0 to 1 N m in all conditions while the constraints are kept" in told
-    assert "outside at rough" in told
 
 
 @pytest.fixture(scope="module")
@@ -296,7 +286,6 @@ def test_bad_input(tmp_path, capfd, monkeypatch):
     high = 'torque_gradient_ratio = { unit = "1", good = [3.0, 4.0], fair = [2.0, 5.0] }'
     contradicting.write_text(text.replace(line, high), encoding="utf-8")
     assert "contradict each other" in refused(capfd, "--targets", str(contradicting), *out)
-    assert "no study that could be resumed" in refused(capfd, "--resume", "--workers", "1", *out)
     assert "parameters must be some of" in refused(capfd, "--parameters", "colour", *out)
     monkeypatch.setattr("steer_env.experiments.cli.common.extras.find_spec", lambda name: None)
     assert "tune needs optuna: pip install '.[tune]'" in refused(capfd, *out)

@@ -100,8 +100,7 @@ def test_another_sampler_or_seed_keeps_the_sets_of_all_studies(tmp_path, posed, 
     assert other.widened == first.widened
     again = tuned(posed, tmp_path, 3, seed=7, sampler="random", **options)
     assert params(again.trials["random"]) == params(other.trials["random"])
-    page, data = tuning_page.build(other)
-    assert page.values["sets"]["random search"] == 3
+    _, data = tuning_page.build(other)
     assert sorted(map(len, data["sets"].values())) == sorted(map(len, other.trials.values()))
     assert again.best.params == other.best.params
 
@@ -114,15 +113,12 @@ def test_the_budget_counts_the_finished_sets_of_one_sampler(tmp_path, posed, qui
     assert {name: len(trials) for name, trials in found.trials.items()} == {"random": 6, "tpe": 5}
 
 
-def test_a_search_and_a_confirmation_by_the_same_optimiser_are_both_on_the_page(tmp_path, posed, quick):
+def test_a_search_and_a_confirmation_by_the_same_optimiser_are_both_told(tmp_path, posed, quick):
     tuned(posed, tmp_path, 3, sampler="random", confirm=True)
     found = tuned(posed, tmp_path, 4, sampler="nsga2")
     assert {name: len(trials) for name, trials in found.trials.items()} == {"random": 3, "second nsga2": 3, "nsga2": 4}
-    page, data = tuning_page.build(found)
-    assert page.values["sets"] == {"random search": 3, "NSGA-II, confirming": 3, "NSGA-II": 4}
+    _, data = tuning_page.build(found)
     assert data["own_angles"]["best"]["difference"] == found.checks["best"].difference
-    assert page.values["bands"]["most_changed"] == pytest.approx(SHIFT)
-    assert set(own_angles.sentences(found.checks)) <= set(page.verdict)
 
 
 def test_the_best_set_has_the_metrics_with_its_own_handwheel_angles(tmp_path, posed, quick):
@@ -146,26 +142,14 @@ def test_a_search_that_finds_nothing_better_says_so(tmp_path, posed, quick):
     page, data = tuning_page.build(tuned(posed, tmp_path, 1))
     assert page.values["answer"].alone
     assert not data["answer"]["start"]
-    looked(page)
-
-
-def looked(page):
-    """The first screen of a page, which is a sentence, a picture and a table."""
-    look = page.html().partition("<body")[2].partition("<h2")[0]
-    assert [look.count(part) for part in ('class="finding"', "<img ", "<table>")] == [1, 1, 1]
-    assert len(page.verdict[0].split()) <= 25
-    assert len(page.values["compared"]) <= 10
-    return page.verdict[0]
 
 
 BROKEN = {"column_phase_0": 20.0, "column_gain_0": 5.0, "free_damping_100": -0.1, "free_pulse_100": 0.0}
 BROKEN |= {"motor_limit": 1.5, "stable": 0.0}
 
 
-@pytest.mark.whole
-@pytest.mark.parametrize("missed", [BROKEN, {"column_gain_0": 5.0}, {"column_gain_0": 5.0, "column_phase_0": 20.0}])
-@pytest.mark.parametrize("whose", ["start", "all"])
-def test_the_first_screen_says_which_limits_are_broken(tmp_path, posed, quick, monkeypatch, missed, whose):
+@pytest.mark.parametrize(("whose", "missed"), [("start", BROKEN), ("all", {"column_gain_0": 5.0})])
+def test_the_limits_that_are_broken_are_told(tmp_path, posed, quick, monkeypatch, missed, whose):
     def breaking(posed, values, every_metric=True):
         found = formula(posed, values, every_metric)
         start = np.array_equal(problem.assist(posed, values).boost, cars.load("compact").assist.boost)
@@ -173,17 +157,12 @@ def test_the_first_screen_says_which_limits_are_broken(tmp_path, posed, quick, m
 
     monkeypatch.setattr(problem, "evaluate", breaking)
     page, data = tuning_page.build(tuned(posed, tmp_path, 6))
-    said, words = looked(page), {constraints.kind(name) for name in missed}
+    words = {constraints.kind(name) for name in missed}
     assert set(data["answer"]["start"]) == words
     assert set(data["answer"]["broken"]) == (words if whose == "all" else set())
     assert data["answer"]["kept"] == (whose == "start")
-    assert (
-        next(iter(constraints.KINDS[key] for key in ("stable", "phase", "gain") if constraints.KINDS[key] in words))
-        in said
-    )
     gain = page.values["compared"]["gain"]
     assert [side.kept for side in gain] == [False, whose == "start"]
-    assert gain[0].text == "5"
     assert tuning_page._limited(5.9996, 6.0) == ("5.9996", False)
     assert tuning_page._limited(1.2, 1.0, highest=True) == ("1.2", False)
 
@@ -202,36 +181,19 @@ def test_a_distance_that_grew_for_a_limit_is_given_up_and_no_gain(tmp_path, pose
     shares = dict.fromkeys(posed.bands, 1.0)
     monkeypatch.setattr(tuning, "moved", lambda posed, sweep: shares)
     found = tuned(posed, tmp_path, 6)
-    page, data = tuning_page.build(found)
+    _, data = tuning_page.build(found)
     assert search.total(found.own) == 0.0
     assert data["answer"]["farther"] == pytest.approx(search.total(found.best))
     assert data["answer"]["given_up"] == tuple(n for n in found.counted if n not in data["answer"]["reached"])
-    assert page.values["compared"]["farther"][1].text == page.values["compared"]["distance"][1].text
-    assert "gain" not in looked(page).partition(";")[2]
-    assert ">Gain<" not in page.html()
 
 
-def test_the_first_screen_where_the_best_set_misses_a_margin_on_the_map(tmp_path, posed, quick, monkeypatch):
-    monkeypatch.setattr(tuning, "mapped", lambda case, points=None: [cell(0.3)] * 2 if points is None else points)
-    page, data = tuning_page.build(tuned(posed, tmp_path, 12))
-    assert data["answer"]["broken"] == data["answer"]["start"] == ("phase margin",)
-    assert data["answer"]["points"] == 2
-    assert data["start_map_missed"]
-    assert page.values["compared"]["phase"][1] == ("17.2", False)
-    assert "2 points" in looked(page)
-
-
-def test_parameters_tell_ends_of_ranges_functions_that_are_off_and_few_sets(tmp_path, quick):
+def test_parameters_tell_ends_of_ranges_and_functions_that_are_off(tmp_path, quick):
     names = ("boost_level", "damping_level", "return_gain", "return_saturation")
     posed = problem.make(cars.load("compact"), targets.load("compact"), names=names)
     found = tuned(posed, tmp_path, 6)
     cut = [r._replace(high=found.best.params[r.name]) if r.name == "boost_level" else r for r in found.ranges]
     shown = tuning_page.build(found._replace(ranges=tuple(cut)))[0].values["parameters"]
-    rows = {row[0]: row for row in shown["rows"]}
-    assert rows["boost level"][-1].endswith("best on the upper limit")
     assert "boost_level" in shown["ends"]
-    assert rows["return saturation"][2] == "–"  # the car has no active return
-    assert rows["return gain"][2] == "0"
     assert shown["count"] == 6
     returning = cars.load("compact").data() | {"assist": problem.keys(posed, problem.own(posed) | {"return_gain": 1.0})}
     assert problem.without_effect(posed.car.assist) == {"return_saturation"}
@@ -270,10 +232,7 @@ def test_a_set_that_misses_the_whole_map_is_passed_over(tmp_path, posed, quick, 
     assert found.best.params == ranked[3].params
     assert not margin_map.missed(found.cells)
     page, data = tuning_page.build(found)
-    passed = page.values["passed"]
-    assert passed["count"] == 3
-    assert passed["where"].startswith("20 km/h, 3.5 N m")
-    assert sum("passed over" in text for text in page.verdict) == 1
+    assert page.values["passed"]["count"] == 3
     assert [bool(each["missed"]) for each in data["tried"]] == [True, True, True, False]
 
 
@@ -291,11 +250,8 @@ def test_where_no_set_keeps_the_whole_map_the_one_with_the_fewest_misses_is_told
     found = tuned(posed, tmp_path, 12, sampler="random")
     assert len(found.tried) == min(tuning.MAPS, len(ranked))
     assert found.best.params == ranked[2].params
-    page = tuning_page.build(found)[0]
-    (missed,) = page.values["missed"]
-    assert missed.where.startswith("20 km/h, 2 N m")
-    assert sum("whole map" in text for text in page.verdict) == 1
-    looked(page)
+    (missed,) = tuning_page.build(found)[0].values["missed"]
+    assert (missed.speed_kph, missed.torque) == (20.0, 2.0)
 
 
 def test_points_that_are_read_again_are_those_of_the_map(monkeypatch):
@@ -318,14 +274,9 @@ def test_a_band_that_changes_side_is_told(posed):
     counted = tuple(posed.bands)
     same = own_angles.compared(posed, counted, trials[0], trials[0])
     assert (same.difference, same.metric, same.changed) == (0.0, "", ())
-    assert own_angles.sentences({"start": same, "best": same}) == []
     left = own_angles.compared(posed, counted, trials[0], trials[1])
     assert left.changed == (("yaw_lag", "rough", False),)
-    told = own_angles.sentences({"best": left})
-    assert len(told) == 1
-    assert "yaw lag at rough leaves its band" in told[0]
-    back = own_angles.sentences({"start": own_angles.compared(posed, counted, trials[1], trials[0])})
-    assert "yaw lag at rough comes into its band" in back[0]
+    assert own_angles.compared(posed, counted, trials[1], trials[0]).changed == (("yaw_lag", "rough", True),)
     lost = own_angles.compared(posed, counted, trials[0], trials[2])
     assert lost.difference == problem.FARTHEST
     assert lost.changed == (("release_overshoot", "rough", False),)
@@ -343,9 +294,7 @@ def test_targets_whose_bands_are_all_in_one_group(tmp_path, quick):
     for sampler in ("surface", "nsga2"):
         found = tuned(one, tmp_path / sampler, 5, sampler=sampler)
         assert len(found.best.user_attrs["objectives"]) == 1
-        page, data = tuning_page.build(found)
-        assert set(data["importances"]) <= {"effort"}
-        assert "<svg" in page.values["pareto"]["picture"]
+        assert set(tuning_page.build(found)[1]["importances"]) <= {"effort"}
 
 
 def test_nothing_is_left_behind_where_there_is_nothing_to_resume(tmp_path, posed, quick, capfd):
@@ -416,9 +365,7 @@ def test_a_set_that_reaches_every_band_but_misses_the_map_does_not_end_the_searc
     found = tuned(posed, tmp_path / "second", count + 8)
     assert len(found.trials["surface"]) == count + 8
     assert not found.feasibility.reached
-    page, data = tuning_page.build(found)
-    assert not page.values["o"].feasibility.reached
-    assert not data["feasibility"]["reached"]
+    assert not tuning_page.build(found)[1]["feasibility"]["reached"]
     missed = [t for t in found.trials["surface"] if t.constraints["whole_map"] > 0.0]
     assert missed
     assert not any(map(search.kept, missed))

@@ -78,11 +78,10 @@ def driven(env_id):
 
 
 def test_the_page_has_assists_and_a_driver():
-    found = {each["id"]: (each["role"], each["law"], each["speeds"]) for each in policies.listed()}
-    assert found == {
-        DRIVER: ("driver", "lugre@column_eps", [15.0, 27.0]),
-        WEAVE: ("assist", "lugre@column_eps", [22, 33]),
-        ALL_ROUND: ("assist", "lugre@column_eps", None),
+    assert {each["id"]: each["role"] for each in policies.listed()} == {
+        DRIVER: "driver",
+        WEAVE: "assist",
+        ALL_ROUND: "assist",
     }
     with pytest.raises(ValueError, match="no policy is shipped with"):
         policies.described("steer_env/DriverLaneKeeping-v3")
