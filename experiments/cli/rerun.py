@@ -80,7 +80,7 @@ def _made(file: Path, trace: Mapping[str, Any], out: Path) -> Path:
         _check_modules(file, {each["module"]: each["sha256"] for each in inputs if "module" in each}, words)
         main.import_modules(words)
         again = main.parsed([_replaced(word, places) for word in words])
-        again.argv, again.out = words, type(again.out)(out)
+        again.argv, again.out = words, str(out) if isinstance(again.out, str) else out
         if "car" in trace:
             again.vehicle, again.tyre, again.changes = trace["car"], None, []
         with contextlib.redirect_stdout(io.StringIO()):

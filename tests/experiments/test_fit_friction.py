@@ -95,19 +95,19 @@ def test_the_shipped_record_drives_a_column_as_told():
 
 @pytest.fixture(scope="module")
 def fitted(tmp_path_factory):
-    """A folder with a record of one's own, what was fitted to it, and what was printed."""
+    """A folder with a record of one's own, what was fitted to it without ``--out``, and what was printed."""
     folder = tmp_path_factory.mktemp("fitted")
     with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(io.StringIO()) as printed:
         patch.chdir(folder)
         patch.setenv("COLUMNS", "200")
         save()
-        assert main(["fit-friction", "mine.csv", "--law", "dahl", "--law", "coulomb", "--out", "out"]) == 0
+        assert main(["fit-friction", "mine.csv", "--law", "dahl", "--law", "coulomb"]) == 0
     return folder, printed.getvalue()
 
 
 def test_a_file_of_ones_own(fitted, monkeypatch):
     monkeypatch.chdir(fitted[0])
-    file, all_of_it = loaded("out/dahl.json"), loaded("out/fit.json")
+    file, all_of_it = loaded("friction_mine/dahl.json"), loaded("friction_mine/fit.json")
     assert file["friction"] == {"law": "dahl", "sigma_0": file["friction"]["sigma_0"], "F_c": file["friction"]["F_c"]}
     for name, true in DAHL._asdict().items():
         assert file["friction"][name] == pytest.approx(true, rel=0.01)
@@ -123,11 +123,11 @@ def test_a_result_is_made_again_to_the_bit(fitted, monkeypatch, capsys):
     monkeypatch.chdir(fitted[0])
     for name in ("dahl.json", "index.html"):
         capsys.readouterr()
-        assert main(["rerun", f"out/{name}"]) == 0, capsys.readouterr()
+        assert main(["rerun", f"friction_mine/{name}"]) == 0, capsys.readouterr()
 
 
 def test_a_fitted_file_stands_for_a_law_on_the_command_line(fitted, capsys):
-    given = str(fitted[0] / "out" / "dahl.json")
+    given = str(fitted[0] / "friction_mine" / "dahl.json")
     assert main(["run", "rig", "--friction", given, "--rate-hz", "50", "--out", "run.csv"]) == 0
     made = files.read("run.csv")
     assert made.meta["friction"] == "dahl"
