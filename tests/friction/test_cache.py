@@ -90,12 +90,6 @@ def test_without_a_writable_folder_it_compiles_in_memory():
     assert report == {"torque": TORQUE, "folder": None, "compiled": 1, "loaded": 0}
 
 
-def test_a_folder_that_is_read_only_or_somebody_elses_does_no_harm(tmp_path):
-    """A file where the folder should be; a process of the superuser may write to any folder."""
-    (tmp_path / cache.FOLDER).write_text("not a folder")
-    assert fresh_process(tmp_path)["torque"] == TORQUE
-
-
 @pytest.mark.whole
 @pytest.mark.parametrize("suffix", ["nbi", "nbc"])
 def test_damaged_files_are_replaced(tmp_path, suffix):

@@ -9,7 +9,7 @@ import pytest
 
 from steer_env import friction
 from steer_env.friction.numerics.frozen import frozen
-from steer_env.friction.numerics.kernel import COMPILED, record
+from steer_env.friction.numerics.kernel import COMPILED
 from steer_env.vehicle import cars
 from steer_env.vehicle.steering.eps import without_assist
 
@@ -29,12 +29,6 @@ def test_arrays_are_contiguous_and_read_only_and_the_given_ones_stay_as_they_are
     assert frozen(found) is found
     assert np.shares_memory(frozen(grid), grid)
     assert frozen("lugre") == "lugre"
-
-
-def test_records_stay_records():
-    p = record(friction.make("lugre"))
-    assert p[0].sigma_0 == 100.0
-    assert not p.flags.writeable
 
 
 @pytest.mark.skipif(not COMPILED, reason="nothing is compiled")

@@ -112,13 +112,8 @@ def test_the_lag_does_not_lessen_the_fall(h):
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"F_s": 0.5}, "F_s must be at least F_c"),
         ({"k": [1.0]}, "k and alpha must be given together, got k alone"),
         ({"k": [1.0], "alpha": [0.4]}, "of sum 1, got the sum 0.4"),
-        ({"k": [1.0, 0.0], "alpha": [0.4, 0.6]}, "must be positive"),
-        ({"k": [1.0, 2.0], "alpha": [1.0]}, "1 to 32 values each, got 2, 1"),
-        ({"k": [1.0], "alpha": [1.0], "elements": 3}, "not both"),
-        ({"C": 0.0}, "C must be finite and greater than 0"),
     ],
 )
 def test_bad_parameters(given, message):

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from steer_env import friction
-from steer_env.testing import CHECKS, check_plain_python
 from steer_env.testing.plain_python import trace
 
 
@@ -15,15 +14,6 @@ def test_toy_law_is_found(toy):
     assert friction.law_of(p).parameters is toy.Jenkins
     with pytest.raises(ValueError, match="it takes: k, F_c"):
         friction.make("toy_jenkins", sigma_0=1.0)
-
-
-@pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__)
-def test_toy_law_keeps_the_contracts(toy, check):
-    check(friction.make("toy_jenkins"))
-
-
-def test_toy_law_in_plain_python(toy):
-    check_plain_python([friction.make("toy_jenkins")])
 
 
 def test_toy_law_equals_masing_with_one_element(toy):

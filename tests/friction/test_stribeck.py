@@ -38,11 +38,6 @@ def test_steepest_fall_is_that_of_the_curve():
     assert stribeck.steepest_fall(P._replace(F_s=1.0), 1.0, 1e-3) == 0.0
 
 
-def test_break_away_below_sliding_is_refused():
-    with pytest.raises(ValueError, match=r"F_s must be at least F_c = 0.9 N m, got 0.5"):
-        friction.make("stribeck", F_s=0.5)
-
-
 def test_without_a_branch_the_exponential_spring_is_dahl_to_the_bit():
     x = np.cumsum(np.random.default_rng(2).normal(0.0, 3e-3, 500))
     spring, dahl = friction.make("exponential_spring", k_m=0.0), friction.make("dahl")

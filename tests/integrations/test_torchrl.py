@@ -38,22 +38,6 @@ def test_same_step_mode():
     GymWrapper(gym.make_vec(WEAVE, num_envs=3, autoreset_mode=AutoresetMode.SAME_STEP))
 
 
-def test_infos_that_hold_dictionaries_are_refused_in_same_step_mode_whatever_the_environment():
-    """So the failure above is not one of this package; both tests fail when TorchRL mends it."""
-
-    class Other(gym.Env):
-        observation_space = action_space = gym.spaces.Box(-1.0, 1.0, (1,))
-
-        def reset(self, *, seed=None, options=None):
-            return self.action_space.low, {"terms": {"one": 1.0}}
-
-        def step(self, action):
-            return self.action_space.low, 0.0, False, False, {"terms": {"one": 1.0}}
-
-    with pytest.raises(RuntimeError, match="expand_specs"):
-        GymWrapper(gym.vector.SyncVectorEnv([Other] * 2, autoreset_mode=AutoresetMode.SAME_STEP))
-
-
 def test_ppo():
     env = GymEnv(WEAVE)
     size = env.observation_spec["observation"].shape[-1]

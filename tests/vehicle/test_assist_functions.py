@@ -63,22 +63,9 @@ def test_off_is_off():
     ("key", "value", "message"),
     [
         ("boost_scale", -0.1, "one number, or 6 for as many speeds, from 0 to 10, got -0.1"),
-        ("boost_scale", [1.0, 1.0], "one number, or 6 for as many speeds"),
         ("return_gain", math.nan, "one number, or 6 for as many speeds, from 0 to 200, got nan"),
-        ("return_gain", [[1.0] * 6], "one number, or 6"),
-        ("handwheel_damping", 11.0, "one number, or 6 for as many speeds, from 0 to 10"),
-        ("friction_share", 1.1, "one number, or 6 for as many speeds, from 0 to 1, got 1.1"),
-        ("inertia_compensation", math.inf, "one number, or 6 for as many speeds, from 0 to 1"),
-        ("return_saturation", 0.0, "finite and greater than 0"),
-        ("return_lead", -0.1, "finite and at least 0"),
-        ("return_hold", 0.0, "finite and at least 0.01"),
         ("return_speed", math.inf, "finite and at least 0.1"),
-        ("friction_stiffness", 0.0, "finite and at least 1"),
-        ("friction_limit", 0.0, "finite and greater than 0"),
-        ("friction_hold", 0.0, "finite and at least 0.01"),
-        ("friction_grip_time", 0.0, "finite and at least 0.01"),
         ("inertia_bandwidth", 451.0, "finite and at least 1 and at most 450"),
-        ("lead_lag_gain", -1.0, "finite and at least -0.9"),
         ("lead_lag_lag", [1.0], "a pair of zero and pole"),
         ("lead_lag_lead", [0.0, 10.0], "finite and at least 0.01"),
     ],
@@ -99,11 +86,11 @@ def test_bad_law_and_bad_key():
         eps.make(return_gian=1.0)
 
 
-@pytest.mark.parametrize("law", friction.available())
-def test_keys_make_the_same_assist(law):
-    a = eps.make(boost_scale=[1.0, 1.1, 1.2, 1.3, 1.4, 1.5], **EVERY, friction_law=law)
-    assert packing.pack(eps.make(**eps.keys(a))).numbers.tolist() == packing.pack(a).numbers.tolist()
-    assert type(eps.make(**eps.keys(a)).functions.friction_compensation.law) is type(friction.make(law))
+def test_keys_make_the_same_assist():
+    a = eps.make(boost_scale=[1.0, 1.1, 1.2, 1.3, 1.4, 1.5], **EVERY, friction_law="masing,F_c=0.7")
+    again = eps.make(**eps.keys(a))
+    assert packing.pack(again).numbers.tolist() == packing.pack(a).numbers.tolist()
+    assert type(again.functions.friction_compensation.law) is type(friction.make("masing"))
 
 
 def test_boost_scale_is_a_factor_by_speed():
@@ -206,8 +193,7 @@ def test_inertia_compensation_lowers_the_inertia(J):
     assert min(abs(abs(swinging) / expected - 1.0)) < 0.012  # filter, hold and motor lag by 0.9 ms in all
 
 
-@pytest.mark.parametrize("twist", [0.25, 0.75, 2.25, 3.5])
-@pytest.mark.parametrize("share", [0.0, 0.3])
+@pytest.mark.parametrize(("twist", "share"), [(0.25, 0.0), (0.75, 0.3), (2.25, 0.0), (3.5, 0.3)])
 def test_margins_have_the_loop_of_the_kernels(twist, share):
     """Poles of the closed loop against the differentiated kernels, beside the centre, with every function."""
     law = "dahl,sigma_0=150,F_c=19"
@@ -244,10 +230,9 @@ def test_stability_has_the_loop_of_the_kernels_with_free_hands(delay):
         assert np.abs(found - pole).min() < 2e-3, pole
 
 
-@pytest.mark.parametrize("speed", [0.0, 10.0, V])
 @pytest.mark.parametrize(
-    ("key", "stable", "unstable"),
-    [("inertia_compensation", 0.02, 0.05), ("lead_lag_gain", -0.1, -0.3), ("lead_lag_gain", 0.5, 3.0)],
+    ("key", "stable", "unstable", "speed"),
+    [("inertia_compensation", 0.02, 0.05, 0.0), ("lead_lag_gain", -0.1, -0.3, 10.0), ("lead_lag_gain", 0.5, 3.0, V)],
 )
 def test_stability_agrees_with_the_margins(key, stable, unstable, speed):
     for value, expected in ((stable, True), (unstable, False)):
@@ -333,13 +318,10 @@ def evaluated(car, test, law="lugre"):
     return {name: found.value for name, found in metrics.evaluate(drive(car, manoeuvres.make(test), law)).items()}
 
 
-@pytest.mark.parametrize(
-    "observer", ["dahl", *(pytest.param(law, marks=pytest.mark.whole) for law in ("lugre", "masing", "coulomb"))]
-)
-def test_compensation_removes_its_share_of_the_friction_from_the_weave(observer):
+def test_compensation_removes_its_share_of_the_friction_from_the_weave():
     """The observer's law may be another than the car's; the hands' fade is nearly off here."""
     full, frictionless = evaluated(compact(), "weave"), evaluated(compact(), "weave", NONE)
-    car = compact(friction_share=0.6, friction_law=observer, friction_hold=0.05)
+    car = compact(friction_share=0.6, friction_law="dahl", friction_hold=0.05)
     found = evaluated(car, "weave")
     for name in ("loop_area", "torque_deadband", "angle_deadband"):
         left = (found[name] - frictionless[name]) / (full[name] - frictionless[name])
@@ -352,11 +334,9 @@ def test_example_car_drives():
     assert all(np.any(p.gain) for p in car.assist.functions[1:])
     for speed in car.assist.speeds:
         m = worst_margins(car.column, car.assist, speed)
-        text = f"{math.degrees(m.phase):.0f} deg, {20.0 * math.log10(m.gain):.1f} dB"
-        print(f"{3.6 * speed:3.0f} km/h: {text}, stable: {m.stable}")
         assert m.stable
-        assert math.degrees(m.phase) > 30.0, text
-        assert m.gain > 2.0, text
+        assert math.degrees(m.phase) > 30.0
+        assert m.gain > 2.0
     weave, usual = evaluated(car, "weave"), evaluated(plain, "weave")
     assert weave["torque_deadband"] < usual["torque_deadband"] - 0.05
     release, before = evaluated(car, "release"), evaluated(plain, "release")

@@ -1,6 +1,7 @@
 """The assist loop of the whole car: its margins against the plant that they are margins of."""
 
 import math
+from itertools import product
 
 import control
 import numpy as np
@@ -13,6 +14,7 @@ from steer_env.vehicle.chassis.common.interface import HAND
 from steer_env.vehicle.plant import CHANNEL
 from steer_env.vehicle.steering import margins
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
+from tests.by_law import pairs
 
 CAR = cars.load("compact")
 SPEED = 60.0 / 3.6  # between the speeds of the boost table [m/s]
@@ -34,9 +36,9 @@ def growth(point, factor=1.0, samples=0):
     return np.abs(np.linalg.eigvals(A)).max()
 
 
-@pytest.mark.parametrize("law", [None, "lugre", "coulomb"])
-@pytest.mark.parametrize("hands", ["on", "off"])
-@pytest.mark.parametrize("torque", [1.5, 3.3])
+@pytest.mark.parametrize(
+    ("torque", "hands", "law"), pairs(product([1.5, 3.3], ["on", "off"], [None, "lugre", "coulomb"]))
+)
 def test_gain_margin_is_where_the_plant_becomes_unstable(turn, torque, hands, law):
     """The closed plant keeps still just below its gain margin and grows just above it, within 0.5 %."""
     point = held(steady(turn, torque=torque), hands, law)
@@ -96,11 +98,12 @@ def remains(point):
     return speed[-1000:].max() / speed[:20].max()
 
 
-@pytest.mark.parametrize("kph", [40.0, 80.0])
-@pytest.mark.parametrize("share", [0.0, 0.7, 1.0])
-@pytest.mark.parametrize(("boost", "delay"), [(1.0, 0), (3.0, 0), (3.0, 4)])
-def test_a_motion_grows_where_the_simulation_grows(kph, share, boost, delay):
+@pytest.mark.parametrize(
+    ("kph", "share", "assist"), pairs(product([40.0, 80.0], [0.0, 0.7, 1.0], [(1.0, 0), (3.0, 0), (3.0, 4)]))
+)
+def test_a_motion_grows_where_the_simulation_grows(kph, share, assist):
     """Hands off, friction and the observer that compensates it at rest: a bristle that keeps its place is no growth."""
+    boost, delay = assist
     a = cars.load("compact", changes={"assist.friction_share": share}).assist if share else CAR.assist
     turn = cornering(CAR._replace(assist=a._replace(boost=boost * a.boost, delay=a.delay + delay)), kph / 3.6)
     # At 40 km/h three times the boost leaves less than 3 N m to the hands.

@@ -34,21 +34,14 @@ def _nothing_told(monkeypatch):
     ("values", "message"),
     [
         ({"sprung_mass": 1200.0}, r"chassis\.mass must be above 1287\.6 and below 1462\.8 kg \(.*, got 1225\.9"),
-        ({"mass": 1400.0}, r"chassis\.mass must be above 1182\.1 and below 1357\.3 kg \(.*, got 1400"),
         ({"front_axle": 0.12, "rear_axle": 2.273}, r"chassis\.front_axle must be above 0\.128\d+ and below 2\.26\d+ m"),
-        ({"front_axle": 2.28, "rear_axle": 0.113}, r"chassis\.front_axle must be above 0\.128\d+ and below 2\.26\d+ m"),
         ({"length": 2.3}, r"chassis\.length must be above 2\.393 m \(the wheelbase .*, got 2\.3"),
         ({"width": 1.4}, r"chassis\.width must be above 1\.423 m \(.*rear_track.*, got 1\.4"),
-        ({"roll_inertia": 24.4e3}, r"chassis\.roll_inertia must be above 0 and below 2330\.99 kg m2 \(.*, got 24400"),
         ({"pitch_inertia": 13.42e3}, r"chassis\.pitch_inertia must be .* and below 5298\.62 kg m2 \(.*, got 13420"),
         ({"roll_inertia": 2e3, "pitch_inertia": 1e3}, r"chassis\.pitch_inertia must be above 1233\.\d+ and below"),
         (
             {"yaw_inertia": 153.9},
             r"chassis\.yaw_inertia must be above 1365\.48 and below 1853\.48 kg m2 \(.*, got 153\.9",
-        ),
-        (
-            {"yaw_inertia": 1900.0},
-            r"chassis\.yaw_inertia must be above 1365\.48 and below 1853\.48 kg m2 \(.*, got 1900",
         ),
         ({"wheel_inertia": 9.0}, r"chassis\.wheel_inertia must be above 0 and below 3\.218\d+ kg m2 \(.*, got 9$"),
         (
@@ -116,24 +109,11 @@ def test_packaged_cars_are_usual(name):
 UNUSUAL = {
     "wheelbase": ("chassis", {"front_axle": 1.9, "rear_axle": 2.0, "length": 6.0, "yaw_inertia": 1853.0}, "3.9 m;"),
     "front ride frequency": ("chassis", {"front_spring": 7000.0}, "0.708"),
-    "rear damping ratio": ("chassis", {"rear_damper": 300.0}, "0.07285; usual is 0.1 to 0.7 (Gillespie"),
     "roll gradient": ("chassis", {"front_anti_roll": 0.0, "sprung_height": 0.9}, "deg/g; usual is 1.5 to 10 deg/g"),
-    "cornering stiffness over load of a rear tyre": (
-        "chassis",
-        {"rear_cornering_stiffness_factor": 2.5},
-        "32.86 1/rad",
-    ),
     "chassis.rear_cornering_stiffness_factor": ("chassis", {"rear_cornering_stiffness_factor": 1.8}, "usual is 0.8 to"),
-    "share of the unsprung masses": (
-        "chassis",
-        {"sprung_mass": 970.0, "front_unsprung_mass": 127.9, "yaw_inertia": 1700.0},
-        "0.2087;",
-    ),
     "steering ratio": ("steering", {"pinion_radius": 0.0043}, "26.73; usual is 10 to 25"),
-    "steering.compliance": ("steering", {"compliance": 1e3}, "1000 N m/rad;"),
     "column.K_tb": ("column", {"K_tb": 1e4}, "1e+04 N m/rad; usual is 50 to 300 N m/rad"),
     "greatest boost over the limit of the motor": ("assist", {"limit": 30.0}, "1.898;"),
-    "deceleration with the full pedal": ("brakes", {"front": 300.0}, "0.3517 g;"),
 }
 
 
@@ -177,11 +157,11 @@ K_tb = 30.0
 def test_the_command_line_warns_in_one_line(tmp_path, capsys):
     path = tmp_path / "soft.toml"
     path.write_text(CAR_FILE, encoding="utf-8")
-    assert main(["run", "rig", "--vehicle", str(path), "--out", str(tmp_path / "rig.csv")]) == 0
+    assert main(["car", str(path)]) == 0
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 2
-    assert lines[0].startswith(f"steer-env run: warning: {path}:3: front_spring, ")
-    assert lines[1].startswith(f"steer-env run: warning: {path}:5: column.K_tb is 30 N m/rad; usual is 50 to 300")
+    assert lines[0].startswith(f"steer-env car: warning: {path}:3: front_spring, ")
+    assert lines[1].startswith(f"steer-env car: warning: {path}:5: column.K_tb is 30 N m/rad; usual is 50 to 300")
 
 
 def test_the_line_of_the_first_key_that_a_message_names(tmp_path):
@@ -237,12 +217,3 @@ def test_what_is_declared_is_allowed(section, key):
     assert not accepts(section, key, low if above == "above" else math.nextafter(low, -math.inf))
     if high < 1e6:
         assert not accepts(section, key, math.nextafter(high, math.inf))
-
-
-def test_what_is_declared_of_pairs_and_text_of_the_assist_is_allowed():
-    declared = keys.declared_keys()["assist"]
-    for key in ("lead_lag_lag", "lead_lag_lead"):
-        assert declared[key].allowed == "two numbers, each 0.01 to 490"
-        assert [accepts("assist", key, [f, f]) for f in (0.0099, 0.01, 490.0, 491.0)] == [False, True, True, False]
-    assert declared["friction_law"].allowed == "text as masing,F_c=0.8"
-    assert accepts("assist", "friction_law", "masing,F_c=0.8")

@@ -38,28 +38,6 @@ def test_steering_ratio_and_arm():
     assert 2.0 * math.pi * CAR.steering["pinion_radius"] == pytest.approx(0.0431, abs=1e-4)
 
 
-def test_parameters_of_the_plant_by_hand():
-    p = CAR.plant(speed=20.0, road_friction=0.5)
-    c = p.chassis
-    assert (c.v_x, c.mu, c.m, c.m_ur, c.a, c.b) == (20.0, 0.5, 1400.0, pytest.approx(75.0), 1.08, 1.62)
-    # the roll centre, 65.5 mm at a half track of 0.75 m, goes up with the track
-    assert c.h == pytest.approx(0.57 - (0.0655 * 0.775 / 0.75 * 1.62 + 0.12 * 1.08) / 2.7, abs=1e-3)
-    assert c.I_xr == pytest.approx(410.0 + 1245.0 * c.h**2)
-    assert c.K_f == pytest.approx(0.5 * 23500.0 * 1.55**2 + 34000.0)
-    assert c.K_r == pytest.approx(0.5 * 20000.0 * 1.54**2 + 8000.0)
-    assert c.B_f == pytest.approx(34000.0 / 1.55)
-    assert c.C_r == pytest.approx(0.5 * 1320.0 * 1.54**2)
-    assert c.drag == pytest.approx(0.5 * 1.2 * 0.62)
-    assert c.K_rack == pytest.approx(25e3 / 0.1181**2, rel=2e-3)
-    assert (c.stiffness_f, c.stiffness_r) == (1.6, 1.47)
-    # rolling to the right lowers the left rear wheel in its arch by half the track per angle
-    assert (c.roll_steer_r, c.roll_camber_r) == pytest.approx((0.065 * 0.77, 1.0 - 0.39 * 0.77))
-    assert c.compliance_steer_r == 0.17e-6
-    assert p.level.load * 0.9 == pytest.approx(0.03 * 0.00686)
-    # a body that stands up: the springs outweigh the moment of its weight about the roll axis
-    assert c.K_f + c.K_r > 5.0 * c.m_s * 9.81 * c.h
-
-
 def test_wheels_stand_at_the_front_track():
     assert CAR.strut.points["wheel_centre"][1] == pytest.approx(0.5 * 1.55)
 
@@ -206,52 +184,23 @@ def test_sections_of_column_and_assist_take_part_of_the_keys():
     ("data", "message"),
     [
         (changed(None, engine=1.0), "car has no key 'engine'; it takes: name, "),
-        (changed("chassis", wheels=4.0), "chassis has no key 'wheels'; it takes: mass, "),
-        (changed("steering", ratio=14.4), "steering has no key 'ratio'; it takes: pinion_radius, "),
-        (changed("column", I3=0.1), "column has no key 'I3'; it takes: I1, "),
         (changed("assist", gain=1.0), "assist has no key 'gain'; it takes: speeds, "),
         (without(None, "tyre"), "car lacks the key 'tyre'"),
         (without("chassis", "yaw_inertia"), "chassis lacks the key 'yaw_inertia'"),
-        (without("steering", "rack_limit"), "steering lacks the key 'rack_limit'"),
         (changed(None, chassis=None), "chassis must hold keys and values, got None"),
-        (changed(None, column=[1.0]), "column must hold keys and values, got "),
-        (changed("chassis", mass=-1.0), "chassis.mass must be finite and at least 100 and at most 10000, got -1.0"),
-        (changed("chassis", mass="heavy"), "chassis.mass must be a number, got 'heavy'"),
         (changed("chassis", front_spring=math.nan), "chassis.front_spring must be finite"),
-        (
-            changed("chassis", front_damper=-1.0),
-            "chassis.front_damper must be finite and at least 0 and at most 12000, got -1.0",
-        ),
-        (changed("chassis", front_track=1550.0), "chassis.front_track must be finite and at least 0.5 "),
-        (changed("chassis", mass="1400.0"), "chassis.mass must be a number, got '1400.0'"),
         (changed("chassis", mass=True), "chassis.mass must be a number, got True"),
         (changed(None, assumed=["luck"]), "assumed names 'luck', which is neither"),
-        (
-            changed("steering", pinion_radius=0.0),
-            "steering.pinion_radius must be finite and at least 0.001 and at most 0.05",
-        ),
-        (changed("steering", friction_load=-0.1), "steering.friction_load must be finite and at least 0"),
-        (changed("column", I2=0.0), "column.I2 must be finite and greater than 0"),
-        (changed("column", K_tb="130"), "column.K_tb must hold numbers only, got '130'"),
         (changed("column", K_tb=True), "column.K_tb must hold numbers only, got True"),
         (
             changed("assist", boost=[[0.0, 1.0], [0.0]]),
             "assist.boost must hold numbers, in rows of one length, got [[0.0,",
         ),
-        (changed("assist", damping=[3.0, "two"]), "assist.damping must hold numbers only, got 'two'"),
-        (
-            changed("drivetrain", ratios=[[3.0, 2.0], [1.0]]),
-            "drivetrain.ratios must be a list of numbers, got [[3.0, 2.0], [1.0]]",
-        ),
-        (changed("column", K_tb=[[130.0]]), "column.K_tb must be a number, got [[130.0]]"),
         (changed("assist", damping=[[3.0], [2.0, 1.0]]), "assist.damping must be a list of numbers, got [[3.0], "),
         (changed("assist", boost=[[[0.0]]]), "assist.boost must be a list of rows, each a list of numbers, got [[["),
         (changed(None, tyre={"name": "mine"}), "tyre lacks 'source'; it takes: name, source, coefficients"),
         (changed(None, tyre=3), "tyre must be text, got 3"),
-        (changed(None, strut=["s1"]), "strut must be text, got ['s1']"),
         (changed(None, assumed="mass"), "assumed must be a list of keys, got 'mass'"),
-        (changed(None, assumed=[["mass"]]), "assumed must be a list of keys, got [['mass']]"),
-        (changed("assist", bandwidth=-5.0), "assist.bandwidth must be finite and greater than 0"),
         (changed(None, tyre="slick"), "tyre must be "),
         (changed(None, strut="s3"), "no strut named 's3'; packaged: s1, s2"),
         ("compact", "car must hold keys and values, got 'compact'"),
@@ -293,7 +242,7 @@ def test_speeds_at_the_ends_are_taken():
 
 def same(one, other):
     """Whether two cars are equal to the bit, by what the plant takes from them."""
-    a, b = (pickle.dumps(car.plant(chassis=chassis)) for car in (one, other) for chassis in ("two_track",))
+    a, b = (pickle.dumps(car.plant(chassis="two_track")) for car in (one, other))
     return a == b and (one.name, one.source, one.chassis) == (other.name, other.source, other.chassis)
 
 

@@ -1,6 +1,5 @@
 """Torque and power balances of the drivetrain, its shifts, the step of a braked wheel, and the resulting car."""
 
-import inspect
 import itertools
 import math
 
@@ -65,12 +64,6 @@ def test_engine_equals_its_curves_and_holds_their_ends():
         for throttle in (0.0, 0.3, 1.0):
             expected = throttle * full - (1.0 - throttle) * drag
             assert drivetrain.engine_torque(D, omega, throttle) == pytest.approx(expected, abs=1e-12)
-
-
-def test_defaults_are_85_kilowatts_at_6000_rpm():
-    power = [drivetrain.engine_torque(D, omega, 1.0) * omega for omega in D.speeds]
-    assert max(power) == pytest.approx(85e3, rel=1e-3)
-    assert D.speeds[np.argmax(power)] == pytest.approx(6000.0 * RPM)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
@@ -262,13 +255,6 @@ def test_locked_axle_stays_locked_to_the_last_bit():
 # The driver and the car
 
 
-def test_defaults_accelerate_and_run_as_a_compact_does():
-    v, gear, _ = drive(D, lambda *_: (1.0, 0.0), duration=120.0)
-    assert 10.0 < 0.005 * np.argmax(v > 100.0 * KPH) < 13.0
-    assert 170.0 < v[-1] / KPH < 200.0
-    assert np.all(np.diff(gear) >= 0.0)
-
-
 @pytest.mark.parametrize("start", [5.0, 15.0, 27.8, 40.0])
 @pytest.mark.parametrize("step", [1.0, -1.0])
 def test_speed_hold_overshoots_by_less_than_two_percent(start, step):
@@ -323,37 +309,18 @@ def test_split_stops_at_the_full_pedal():
     [
         (drivetrain.make, "speeds", [80.0, 70.0], "ascending"),
         (drivetrain.make, "full_load", [100.0], "9 values"),
-        (drivetrain.make, "full_load", [-1.0] * 9, "at least 0"),
         (drivetrain.make, "drag", [5.0] * 9, "0 at the idle speed"),
         (drivetrain.make, "full_load", [0.0] * 9, "not both be 0"),
-        (drivetrain.make, "inertia", -0.1, "at least 0"),
         (drivetrain.make, "ratios", [1.0, 2.0], "descending"),
-        (drivetrain.make, "final_drive", 0.0, "greater than 0"),
-        (drivetrain.make, "efficiency", 1.1, "at most 1"),
-        (drivetrain.make, "up_shift", [2000.0 * RPM, 9000.0 * RPM], "at most"),
-        (drivetrain.make, "down_shift", [100.0 * RPM, 2000.0 * RPM], "at least"),
         (drivetrain.make, "down_shift", [1100.0 * RPM, 3500.0 * RPM], "hunts"),
-        (drivetrain.make, "up_shift", [1900.0 * RPM, 6100.0 * RPM], "hunts"),
         (drivetrain.make, "up_shift", 300.0, "two speeds"),
-        (drivetrain.make, "shift_time", math.nan, "finite"),
-        (drivetrain.make, "front_share", 1.5, "at most 1"),
-        (brakes.make, "front", 0.0, "greater than 0"),
         (brakes.make, "rear", math.inf, "finite"),
-        (brakes.make, "hand", -1.0, "at least 0"),
         (speed_hold.make, "proportional", "fast", "number"),
-        (speed_hold.make, "integral", -1.0, "at least 0"),
-        (speed_hold.make, "band", 0.0, "greater than 0"),
     ],
 )
 def test_bad_values_are_named(make, key, value, allowed):
     with pytest.raises(ValueError, match=rf"(?s){key}.*{allowed}.*got"):
         make(**{key: value})
-
-
-@pytest.mark.parametrize("make", [drivetrain.make, brakes.make, speed_hold.make])
-def test_arguments_are_keywords_only(make):
-    kinds = {p.kind for p in inspect.signature(make).parameters.values()}
-    assert kinds == {inspect.Parameter.KEYWORD_ONLY}
 
 
 def test_one_gear_and_all_wheel_drive_are_fine():

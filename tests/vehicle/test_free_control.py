@@ -1,6 +1,7 @@
 """Free control: the modes against the motion that they describe, the verdicts after a pulse, and the limits."""
 
 import math
+from itertools import product
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from steer_env import friction
 from steer_env.vehicle import cars, plant
 from steer_env.vehicle.analysis import free_control
 from steer_env.vehicle.chassis.common.interface import INPUTS, RACK_DISTURBANCE
+from tests.by_law import pairs
 
 CAR = cars.load("compact")
 NONE = friction.make("viscous", sigma_2=0.0)
@@ -31,10 +33,8 @@ def swing(y, dt):
     return np.log(np.roots([1.0, *-c]).astype(complex))[0] / dt
 
 
-@pytest.mark.parametrize("chassis", CHASSIS)
-@pytest.mark.parametrize("v", [100.0 / 3.6, 50.0])
-@pytest.mark.parametrize("factor", [0.5, 1.0, 1.5])
-def test_modes_are_those_of_the_motion(chassis, v, factor):
+@pytest.mark.parametrize(("factor", "v", "chassis"), pairs(product([0.5, 1.0, 1.5], [100.0 / 3.6, 50.0], CHASSIS)))
+def test_modes_are_those_of_the_motion(factor, v, chassis):
     """The least damped mode is the one with which the free car swings after a touch, with any motor damping."""
     car = CAR._replace(assist=CAR.assist._replace(damping=factor * CAR.assist.damping))
     p = car.plant(NONE, v, chassis=chassis)
@@ -58,7 +58,6 @@ def test_only_modes_of_the_steering_count(chassis):
     z = np.linalg.eigvals(matrix)
     rates = np.log(z[np.abs(z) > 0.5].astype(complex)) / plant.CHASSIS_STEP
     others = [rate for rate in rates if abs(rate) < 20.0 and np.abs(found - rate).min() > 1e-3]
-    print(np.round(others, 3))
     assert len(others) == {"single_track": 1, "two_track": 6}[chassis]  # of the drive; and heave and pitch in pairs
 
 

@@ -1,6 +1,7 @@
 """The linearised plant against differences of its motion, closed forms from python-control, and simulation."""
 
 import math
+from itertools import cycle, product
 
 import control
 import numpy as np
@@ -12,6 +13,7 @@ from steer_env.vehicle.analysis.linearised import linearise
 from steer_env.vehicle.analysis.operating_point import HANDS, cornering, held, steady
 from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST, HAND, HAND_SPEED, INPUTS, RACK_DISTURBANCE
 from steer_env.vehicle.steering.margins import boost_gain
+from tests.by_law import pairs
 
 CAR = cars.load("compact")
 SPEED = 90.0 / 3.6  # between the speeds of the boost table [m/s]
@@ -73,9 +75,13 @@ SITES = {
 }
 
 
-@pytest.mark.parametrize("law", [None, "lugre", pytest.param(SITES, marks=pytest.mark.whole)])
-@pytest.mark.parametrize("hands", HANDS)
-@pytest.mark.parametrize("torque", [0.0, 1.7])
+@pytest.mark.parametrize(
+    ("torque", "hands", "law"),
+    [
+        *pairs(product([0.0, 1.7], HANDS, [None, "lugre"])),
+        pytest.param(1.7, "off", SITES, marks=pytest.mark.whole),
+    ],
+)
 def test_motion_is_that_of_the_plant(turns, torque, hands, law):
     """The response to a pulse is that of the plant, by five points, within 2e-6 of its largest value."""
     point = held(steady(turns["single_track"], torque=torque), hands, law, ARMS if hands == "arms" else (0.0,) * 3)
@@ -87,9 +93,7 @@ ALONG = ("longitudinal", "kappa", "drive", "front_drive", "throttle", "wheel_ang
 
 
 @pytest.mark.whole
-@pytest.mark.parametrize("law", [None, "lugre"])
-@pytest.mark.parametrize("hands", ["on", "off"])
-@pytest.mark.parametrize("torque", [0.0, 1.7])
+@pytest.mark.parametrize(("torque", "hands", "law"), pairs(product([0.0, 1.7], ["on", "off"], [None, "lugre"])))
 def test_motion_of_two_tracks_is_that_of_the_plant(turns, torque, hands, law):
     """Within 2e-6 for all that steering moves; the motion ahead, which it hardly moves, to the digits that it has."""
     found = off(held(steady(turns["two_track"], torque=torque), hands, law), law, larger=(1.0, 3.0, 10.0, 30.0, 100.0))
@@ -110,8 +114,7 @@ FUNCTIONS = {
 
 
 @pytest.mark.whole
-@pytest.mark.parametrize("name", FUNCTIONS)
-@pytest.mark.parametrize("torque", [0.0, 1.7])
+@pytest.mark.parametrize(("name", "torque"), list(zip(FUNCTIONS, cycle([1.7, 0.0]))))
 def test_functions_of_the_assist_have_slopes_of_their_own(name, torque):
     """As the motion of the car without them, within 1e-6, sliding and at rest; each changes the car."""
     changes = {f"assist.{key}": value for key, value in FUNCTIONS[name].items()}

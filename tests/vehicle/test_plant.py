@@ -1,6 +1,7 @@
 """The whole plant against scipy; its symmetry, its stability, and its behaviour at the ends of its range."""
 
 import math
+from itertools import product
 
 import numpy as np
 import pytest
@@ -12,9 +13,9 @@ from steer_env.friction.level import Level
 from steer_env.vehicle import cars, plant
 from steer_env.vehicle.analysis import free_control
 from steer_env.vehicle.chassis import single_track
-from steer_env.vehicle.chassis.common.interface import COMMON_OUTPUTS, HAND, INPUTS
+from steer_env.vehicle.chassis.common.interface import COMMON_OUTPUTS, INPUTS
 from steer_env.vehicle.plant import CHANNEL, CHANNELS
-from tests.by_law import EACH_LAW
+from tests.by_law import EACH_LAW, pairs
 
 CAR = cars.load()
 KPH = 1.0 / 3.6
@@ -144,8 +145,9 @@ ERRORS = {
 }
 
 
-@pytest.mark.parametrize("load", [True, False], ids=["load on friction", "constant friction"])
-@pytest.mark.parametrize("robot", [False, True], ids=["hand torque", "robot"])
+@pytest.mark.parametrize(
+    ("robot", "load"), [(False, False), (True, True)], ids=["hand torque, constant friction", "robot, load on friction"]
+)
 def test_weave_against_scipy(robot, load):
     """Two seconds at 100 km/h: error of every channel at 1 ms, and second order as the step is halved twice."""
     p, u = CAR.plant("lugre", robot=robot), weave(robot)
@@ -157,7 +159,6 @@ def test_weave_against_scipy(robot, load):
     rms = [np.sqrt(np.mean(e**2, axis=0)) for e in errors]
     assert set(ERRORS) == set(CHANNEL)
     for name, i in CHANNEL.items():
-        print(f"{name:24s} peak {peak[i]:9.4g}  error % {' '.join(f'{e[i]:9.6f}' for e in largest)}")
         assert largest[0][i] <= ERRORS[name][robot] + 1e-12, name
         if ERRORS[name][robot] > 0.0 and name != "friction_torque":
             assert math.log2(rms[0][i] / rms[2][i]) / 2.0 > 1.75, name
@@ -248,7 +249,7 @@ def test_friction_grows_with_the_rack_force():
     np.testing.assert_allclose(np.abs(plain[sliding, CHANNEL["friction_torque"]]), 0.9, rtol=1e-9)
 
 
-@pytest.mark.parametrize("law", ["lugre", "masing", "coulomb"])
+@pytest.mark.parametrize("law", ["lugre", "coulomb"])
 def test_friction_by_direction_and_temperature(law):
     """A car file with an asymmetry of 0.2, ten kelvin warmer: sliding friction to the left and to the right."""
     changes = {"friction_load": 0.0, "friction_asymmetry": 0.2, "friction_temperature_rate": 0.01}
@@ -263,7 +264,7 @@ def test_friction_by_direction_and_temperature(law):
     assert set(np.sign(speed[sliding])) == {-1.0, 1.0}
 
 
-@pytest.mark.parametrize("law", ["lugre", "masing", "coulomb"])
+@pytest.mark.parametrize("law", ["lugre", "coulomb"])
 def test_friction_over_the_position(law):
     """Seven times a turn 30 % more and less, largest at 0.2 rad: sliding friction through a turn to both sides."""
     changes = {"friction_load": 0.0, "friction_position": 0.3, "friction_order": 7.0, "friction_peak": 0.2}
@@ -285,8 +286,7 @@ def test_friction_over_the_position(law):
     np.testing.assert_allclose(side[sliding] * T_F[sliding], expected[sliding], atol=0.01)
 
 
-@pytest.mark.parametrize("law", ["lugre", "masing", "coulomb"])
-@pytest.mark.parametrize("hand", [10.0, -25.0])
+@pytest.mark.parametrize(("law", "hand"), [("lugre", 10.0), ("masing", -25.0), ("coulomb", -25.0)])
 def test_end_stops_hold(law, hand):
     """At walking pace the hands move the rack into its stop, where it comes to rest in balance with them."""
     p, u = CAR.plant(law, speed=3.0), np.zeros((12_000, len(INPUTS)))
@@ -343,73 +343,11 @@ def eigenvalues(p, substeps=1):
     return np.linalg.eigvals(free_control.transition(p, substeps)[0])
 
 
-@pytest.mark.parametrize("mu", [1.0, 0.1])
-@pytest.mark.parametrize("v", [3.0, 10.0, 100.0 * KPH, 70.0])
-@pytest.mark.parametrize("robot", [False, True], ids=["hands off", "robot"])
-def test_straight_running_is_stable_at_one_millisecond(robot, v, mu):
+@pytest.mark.parametrize(
+    ("v", "mu", "robot"), pairs(product([3.0, 10.0, 100.0 * KPH, 70.0], [1.0, 0.1], [False, True]))
+)
+def test_straight_running_is_stable_at_one_millisecond(v, mu, robot):
     """The plant with friction is stable at all speeds; only the mode of the held bristle is almost neutral."""
     size = np.sort(np.abs(eigenvalues(CAR.plant("lugre", v, robot=robot, road_friction=mu))))
     assert size[-1] <= 1.0 + 1e-9
     assert size[-2] < 0.9985
-
-
-def continuous_mode(p):
-    """The weave mode [1/s] of the equations in continuous time, with the controller's exact transfer function."""
-    c, a, v = p.column, p.assist, p.chassis.v_x
-    slope = np.interp(v, a.speeds, a.boost[:, 1]) / a.torques[1]
-    damping = np.interp(v, a.speeds, a.damping)
-    rest, n = plant.initial_state(p)[CHASSIS], len(single_track.STATES)
-
-    def rates(y):
-        th1, v1, th2, v2, T_m = y[:5]
-        dx, out = np.empty(n), np.empty(len(COMMON_OUTPUTS))
-        rack, calm = p.pinion_radius * th2, np.zeros(len(INPUTS))
-        F = single_track.derivative(p.chassis, p.strut, p.tyre[0], rest + y[5:], rack, 0.0, calm, dx, out)
-        bar = c.K_tb * (th1 - th2) + c.C_tb * (v1 - v2)
-        a2 = (bar - c.C2 * v2 + T_m - p.pinion_radius * F) / c.I2
-        return np.concatenate([[v1, (-c.C1 * v1 - bar) / c.I1, v2, a2, -a.bandwidth * T_m], dx])
-
-    steps = 1e-6 * np.eye(5 + n)
-    A = np.array([(rates(step) - rates(-step)) / 2e-6 for step in steps]).T
-
-    def closed(s):
-        """With the controller at ``s``: phase lead of the samples, delay and hold."""
-        z = np.exp(-s * T)
-        lead = (a.lead_b0 + a.lead_b1 * z) / (1.0 + a.lead_a1 * z)
-        later = np.exp(-s * (a.delay * T + a.offset)) * (1.0 - z) / (s * T)
-        K = A.astype(complex)
-        K[4, :4] += a.bandwidth * later * np.array([lead * slope * c.K_tb, 0.0, -lead * slope * c.K_tb, -damping])
-        return np.linalg.eigvals(K)
-
-    s = 7.0j
-    for _ in range(30):
-        found = closed(s)
-        s = found[np.argmin(np.abs(found - s))]
-    assert np.abs(closed(s) - s).min() < 1e-6
-    return s
-
-
-@pytest.mark.parametrize("v", [10.0, 100.0 * KPH, 50.0, 70.0])
-def test_free_control_without_friction(v):
-    """The weave mode of the free car is that of the equations, not of the step: an eighth of the step gives it too.
-
-    Without friction the default car is damped up to some 220 km/h.
-    """
-    p = CAR.plant(friction.make("viscous", sigma_2=0.0), v)
-    mode = continuous_mode(p)
-    assert (mode.real < 0.0) == (v < 60.0)
-    for substeps in (1, 8):
-        found = eigenvalues(p, substeps)
-        assert np.abs(found / np.exp(2.0 * T * mode) - 1.0).min() < 2.0 * T * 0.006
-
-
-@pytest.mark.parametrize(("speed", "damped", "spins"), [(38.0, False, False), (46.0, False, True), (60.0, True, False)])
-def test_a_pulse_of_the_hands_spins_a_car_without_motor_damping_at_speed(speed, damped, spins):
-    """3 N m for 0.3 s, then hands off, LuGre, single track: the damping of the default car's motor prevents a spin."""
-    u = np.zeros((8000, len(INPUTS)))
-    u[:300, HAND] = 3.0
-    p = CAR.plant("lugre", speed=speed)
-    p = p if damped else p._replace(assist=p.assist._replace(damping=0.0 * p.assist.damping))
-    record, _, _ = run(p, u)
-    sideslip = np.abs(np.arctan2(record[:, CHANNEL["lateral_speed"]], speed))
-    assert bool(sideslip.max() > 0.5) == spins

@@ -9,7 +9,7 @@ from steer_env.friction.law import LAWS
 from steer_env.friction.numerics import packing
 from steer_env.friction.numerics.kernel import COMPILED
 from steer_env.vehicle import cars, plant, road
-from tests.by_law import EACH_LAW
+from tests.by_law import in_turn
 
 CAR = cars.load("compact")
 
@@ -21,8 +21,7 @@ def same(one, other):
     return np.array_equal(np.asarray(one), np.asarray(other)) and np.asarray(one).dtype == np.asarray(other).dtype
 
 
-@pytest.mark.parametrize("chassis", cars.SPEEDS)
-@pytest.mark.parametrize("law", EACH_LAW)
+@pytest.mark.parametrize(("law", "chassis"), in_turn(cars.SPEEDS))
 def test_a_plant_comes_back_from_its_numbers(law, chassis):
     template = CAR.plant(law, chassis=chassis)
     loaded = CAR.loaded(200.0).plant(law, speed=20.0, chassis=chassis)

@@ -4,17 +4,17 @@ From what a user records at 1 ms, within 0.5 % of the net work of hand and motor
 """
 
 from functools import lru_cache
-from itertools import cycle, product
+from itertools import product
 
 import numpy as np
 import pytest
 
-from steer_env import friction, manoeuvres
+from steer_env import manoeuvres
 from steer_env.manoeuvres.common.driving import run, run_closed
 from steer_env.vehicle import cars, plant
 from steer_env.vehicle.chassis import available
 from steer_env.vehicle.layout import layout_of
-from tests.by_law import FEW, pairs
+from tests.by_law import pairs
 from tests.vehicle.test_two_track import CHASSIS, energy
 from tests.verification.common import power
 from tests.verification.common.two_track_power import at_tie_rods, energies, powers
@@ -41,18 +41,11 @@ def hands(name):
     return u, record[:, plant.CHANNEL["handwheel_torque"]]
 
 
-QUICK = pairs(product(RUNS, FEW, ("robot", "arms"), available()))
-EVERY = [
-    (name, law, steered, chassis)
-    for law, steered, (name, chassis) in zip(
-        friction.available(), cycle(("torque", "robot", "arms")), cycle(product(RUNS, available()))
-    )
-]
+LAWS = ("coulomb", "lugre", "masing")  # the group "power" of the requirements runs every one, led by a robot
 
 
 @pytest.mark.parametrize(
-    ("name", "law", "steered", "chassis"),
-    [*QUICK, *(pytest.param(*row, marks=pytest.mark.whole) for row in EVERY)],
+    ("name", "law", "steered", "chassis"), pairs(product(RUNS, LAWS, ("torque", "robot", "arms"), available()))
 )
 def test_steering_power(name, law, steered, chassis):
     p = CAR.plant(law, RUNS[name], robot=steered == "robot", chassis=chassis)

@@ -40,22 +40,7 @@ def settled(p, x, rack):
     return x
 
 
-def test_parked_from_straight_ahead_to_lock_two_track():
-    """Weight of body and wheels, springs, anti-roll bars, bump stops and tyres store the work of the rack."""
-    p = bare()
-    x, u = straight(p), inputs(1, coast=1.0)[0]
-    x[:6], x[two_track.OMEGA : two_track.OMEGA + 4] = 0.0, 0.0
-    force, stored = [], []
-    for rack in RACK:
-        settled(p, x, rack)
-        force.append(code(p, x, rack, 0.0, u)[2])
-        stored.append(energy(p, x, rack))
-    work = simpson(force, x=RACK)
-    assert abs(x[TRAVEL]) > 0.003
-    assert work == pytest.approx(stored[-1] - stored[0], rel=0.005)
-
-
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(5))
 def test_slope_of_the_energy_two_track(seed):
     """In motion too: weight and inertia of the unsprung mass, anti-roll bar and bump stop pass the strut."""
     p, rng = bare(), np.random.default_rng(seed)

@@ -120,8 +120,7 @@ def test_random_road_has_the_spectrum_of_its_class(road_class):
 
 
 def test_classes_are_a_factor_of_four_apart():
-    assert road.ROUGHNESS["A"] == 16e-6
-    assert road.ROUGHNESS["H"] == pytest.approx(262144e-6)
+    assert road.ROUGHNESS["H"] == pytest.approx(4.0**7 * road.ROUGHNESS["A"])
     a, b = (road.iso8608(1, name, length=500.0).heights for name in "AB")
     np.testing.assert_allclose(b, 2.0 * a, atol=1e-15)
 
@@ -175,20 +174,12 @@ def test_same_seed_same_road():
         (road.make_road, {"heights": [[0.0, math.nan], [0.0, 0.0]]}, "heights", "finite"),
         (road.make_road, {"heights": [[0.0, 1.0], [0.0]]}, "heights", "numbers"),
         (road.make_road, {"heights": np.tile(np.linspace(0.0, 1.0, 50), (2, 1))}, "heights", "where they start"),
-        (road.make_road, {"friction": 0.0}, "friction", "at least 0.01"),
-        (road.make_road, {"friction": "dry"}, "friction", "numbers"),
-        (road.make_road, {"spacing": 0.0}, "spacing", "greater than 0"),
         (road.make_road, {"grade": 1.0}, "grade", "at most 0.5"),
-        (road.make_road, {"bank": math.inf}, "bank", "finite"),
-        (road.bump, {"height": 2.0, "length": 1.0, "at": 5.0}, "height", "at most 1"),
-        (road.bump, {"height": 0.1, "length": 0.0, "at": 5.0}, "length", "at least 0.1"),
         (road.bump, {"height": 0.1, "length": 4.0, "at": 1.0}, "at", "at least 2"),
         (road.bump, {"height": 0.1, "length": 4.0, "at": 50.0, "period": 51.0}, "period", "at least 52"),
         (road.bump, {"height": 0.1, "length": 1.0, "at": 5.0, "side": "middle"}, "side", "'both', 'left' or 'right'"),
         (road.iso8608, {"seed": 1, "road_class": "I"}, "road_class", "one of A, B"),
         (road.iso8608, {"seed": 1, "length": 100.0}, "length", "at least 200"),
-        (road.iso8608, {"seed": 1, "spacing": 2.0}, "spacing", "at most 1"),
-        (road.iso8608, {"seed": 1, "track": -1.0}, "track", "at least 0"),
     ],
 )
 def test_bad_values_are_named(build, arguments, key, allowed):

@@ -24,6 +24,7 @@ from steer_env.vehicle.tyre import tir
 from steer_env.vehicle.tyre.magic_formula import forces_of_four
 from tests.vehicle.oracles import TYRE_FORCES
 
+EVERY = ("pacejka_2006_205_60r15", *tyre.EXAMPLES)
 DATA = files("steer_env.vehicle").joinpath("data", "tyres")
 V52, V61, V62 = (DATA.joinpath(f"{name}.tir") for name in tyre.EXAMPLES)
 V = 20.0
@@ -322,7 +323,7 @@ def test_turn_slip_without_its_coefficients_and_its_sign():
     assert M_z < 0
 
 
-@pytest.mark.parametrize("name", tyre.EXAMPLES)
+@pytest.mark.parametrize("name", EVERY)
 def test_symmetry_is_exact(name):
     subject = dataclasses.replace(tyre.load(name), name="x")
     symmetric, mirrored = subject.symmetric(), subject.mirrored()
@@ -336,7 +337,7 @@ def test_symmetry_is_exact(name):
     assert mirrored.mirrored() == subject
 
 
-@pytest.mark.parametrize("name", ["pacejka_2006_205_60r15", *tyre.EXAMPLES])
+@pytest.mark.parametrize("name", EVERY)
 def test_half_turn_about_z(name):
     """The tyre seen from behind: quantities along x or y reverse, M_z and the turn slip along z do not."""
     subject = tyre.load(name)
@@ -383,7 +384,7 @@ def rolling(c, x, with_zeros, with_none):
         store(with_none, 4 * i, force + broadcast(0.0))
 
 
-@pytest.mark.parametrize("name", ["pacejka_2006_205_60r15", *tyre.EXAMPLES])
+@pytest.mark.parametrize("name", EVERY)
 def test_no_slip_is_a_slip_of_zero(name):
     rows = np.array([(*point, 0.9 if i % 3 else 1.0) for i, point in enumerate(points(8, 60))])
     for four in rows[: len(rows) // 4 * 4].reshape(-1, 4, 6):
@@ -392,7 +393,7 @@ def test_no_slip_is_a_slip_of_zero(name):
         np.testing.assert_array_equal(with_none, with_zeros)
 
 
-@pytest.mark.parametrize("name", ["pacejka_2006_205_60r15", *tyre.EXAMPLES])
+@pytest.mark.parametrize("name", EVERY)
 def test_four_tyres_are_four_times_one(name):
     """Each tyre is equal to the bit, whatever the others do, and the slip angle gives the forces of its tangent."""
     subject = tyre.load(name)
@@ -409,7 +410,7 @@ def test_four_tyres_are_four_times_one(name):
         np.testing.assert_allclose(together, by_angle, rtol=1e-12, atol=1e-8)
 
 
-@pytest.mark.parametrize("name", ["pacejka_2006_205_60r15", *tyre.EXAMPLES])
+@pytest.mark.parametrize("name", EVERY)
 def test_stiffness_factor_of_an_axle(name):
     """The factor is that of a property file, LKY: a tyre whose coefficients contain it has the same forces."""
     c = tyre.load(name).coefficients
@@ -429,7 +430,7 @@ def test_stiffness_factor_of_an_axle(name):
         np.testing.assert_allclose(together, np.array(expected).T, rtol=1e-11, atol=1e-8)
 
 
-@pytest.mark.parametrize("name", tyre.EXAMPLES)
+@pytest.mark.parametrize("name", EVERY)
 def test_pure_slip_is_the_limit_of_combined_slip(name):
     subject = tyre.load(name)
     for _, alpha, gamma, F_z, v_x in points(9, 60):
@@ -437,12 +438,12 @@ def test_pure_slip_is_the_limit_of_combined_slip(name):
         np.testing.assert_allclose(near, pure, rtol=1e-13, atol=1e-13 * F_z)  # tan and back in the equivalent slips
 
 
-@pytest.mark.parametrize("name", tyre.EXAMPLES)
-def test_plain_python_agrees_with_compiled(name):
+def test_plain_python_agrees_with_compiled():
     arguments = [[*point, 0.9, phit] for point, phit in zip(points(13, 30), [0.0, 0.2] * 15)]
     script = (
         "import json, sys; import numpy as np; from steer_env.vehicle import tyre;"
-        f"print(json.dumps(np.array(tyre.load({name!r}).forces(*np.array(json.load(sys.stdin)).T)).tolist()))"
+        "x = np.array(json.load(sys.stdin)).T;"
+        f"print(json.dumps([np.array(tyre.load(name).forces(*x)).tolist() for name in {EVERY!r}]))"
     )
     run = subprocess.run(
         [sys.executable, "-c", script],
@@ -452,7 +453,7 @@ def test_plain_python_agrees_with_compiled(name):
         text=True,
         check=True,
     )
-    compiled = tyre.load(name).forces(*np.array(arguments).T)
+    compiled = [tyre.load(name).forces(*np.array(arguments).T) for name in EVERY]
     # The elementary functions come from different libraries.
     np.testing.assert_allclose(json.loads(run.stdout), compiled, rtol=1e-11, atol=1e-9)
 
@@ -550,23 +551,14 @@ def edited(tmp_path, path, old, new):
     ("path", "old", "new", "message", "shift"),
     [
         (V52, "'meter'", "'parsec'", "LENGTH: expected one of meter, .*, got 'parsec'", 0),
-        (V52, "'PAC2002'", "'FIALA'", "PROPERTY_FILE_FORMAT: expected one of PAC2002, .*, got 'FIALA'", 0),
         (V61, "= 61", "= 70", "FITTYP: expected one of 5, 6, .*, got 70", 0),
         (V61, "PCX1   ", "PCX9   ", r"PCX1: expected in \[LONGITUDINAL_COEFFICIENTS\]", -1),
-        (V61, "PEX1   ", "PEXX   ", r"PEXX: expected a key of \[LONGITUDINAL_COEFFICIENTS\]", 0),
         (V61, "PDX2   ", "PDX1   ", "PDX1: expected once, is in line [0-9]+ already", 0),
-        (V61, "[STRUCTURAL]", "[VERTICAL]", r"\[VERTICAL\]: expected once, is in line 4[0-9] already", 0),
         (V61, "[ALIGNING_COEFFICIENTS]", "[ALIGNING]", r"\[ALIGNING_COEFFICIENTS\]: expected this section", None),
         (V61, "= -0.037 ", "= -0.0.37 ", "PDX2: expected a number, got '-0.0.37'", 0),
-        (V61, "= -0.037 ", "= nan ", "PDX2: expected a number, got nan", 0),
-        (V61, "= -0.037 ", "= ", "PDX2: expected a number, got ''", 0),
-        (V61, "= 4000.0 ", "= heavy ", "FNOMIN: expected a number, got 'heavy'", 0),
         (V61, "LFZO   ", "LMUV = 0.1\nLFZO   ", "LMUV: expected 0, .* version 61 do not use it; got 0.1", 0),
-        (V52, "LGYR                     = 1.0", "LGYR = 0.5", "LGYR: expected 1, .* do not use it; got 0.5", 0),
-        (V52, "QBZ5   ", "PPZ1 = 0.5\nQBZ5   ", "PPZ1: expected 0, .* version 52 do not use it; got 0.5", 0),
         (V52, "VXLOW ", "FE_METHOD = 'YES'\nVXLOW ", "FE_METHOD: expected 'NO'", 0),
         (V61, "[MODEL]", "[MODEL]\nnonsense", "NONSENSE: expected .SECTION., KEY = value, or a comment", 1),
-        (V61, "[MDI_HEADER]", "KEY = 1\n[MDI_HEADER]", "KEY: expected .SECTION.", 0),
     ],
 )
 def test_errors_name_file_line_and_key(path, old, new, message, shift, tmp_path):

@@ -1,10 +1,5 @@
 import dataclasses
-import json
 import math
-import os
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -91,32 +86,6 @@ def test_finite_everywhere(kappa, alpha, camber, F_z, v_x):
             assert np.isfinite(each.forces(kappa, alpha, camber, F_z, v_x, mu)).all()
 
 
-@given(*inputs)
-def test_symmetric_tyre_is_exactly_odd_and_even(kappa, alpha, camber, F_z, v_x):
-    F_x, F_y, M_x, M_y, M_z = SYMMETRIC.forces(kappa, alpha, camber, F_z, v_x)
-    assert SYMMETRIC.forces(kappa, -alpha, -camber, F_z, v_x) == (F_x, -F_y, -M_x, M_y, -M_z)
-
-
-@given(*inputs)
-def test_mirrored_tyre_is_exactly_the_mirror(kappa, alpha, camber, F_z, v_x):
-    left = changed(LEFT, QSX1=0.01, QSX2=0.5, QSX3=0.02, QSY2=0.01)
-    F_x, F_y, M_x, M_y, M_z = left.forces(kappa, alpha, camber, F_z, v_x)
-    assert left.mirrored().forces(kappa, -alpha, -camber, F_z, v_x) == (F_x, -F_y, -M_x, M_y, -M_z)
-    assert left.mirrored().mirrored().coefficients == left.coefficients
-
-
-@given(*inputs)
-def test_rolling_backwards_is_the_view_from_behind(kappa, alpha, camber, F_z, v_x):
-    F_x, F_y, M_x, M_y, M_z = LEFT.forces(kappa, alpha, camber, F_z, v_x)
-    assert LEFT.forces(-kappa, -alpha, -camber, F_z, -v_x) == (-F_x, -F_y, -M_x, -M_y, M_z)
-
-
-@given(alphas, cambers, loads)
-def test_pure_slip_is_the_limit_of_combined_slip(alpha, camber, F_z):
-    """The shortened evaluation at kappa = 0 is equal to the bit to the full one near it."""
-    assert LEFT.forces(0.0, alpha, camber, F_z, V) == LEFT.forces(1e-300, alpha, camber, F_z, V)
-
-
 @given(kappas, cambers, st.floats(100.0, 9000.0))
 def test_continuous_straight_ahead(kappa, camber, F_z):
     """A step of E_y at alpha = 0 would appear here as up to a newton; the slope alone gives 2e-4 N."""
@@ -184,43 +153,15 @@ def test_arrays_broadcast_and_agree_with_scalars():
     assert LEFT.forces(0, [], 0, 4000, V)[1].shape == (0,)
 
 
-def test_plain_python_agrees_with_compiled():
-    rng = np.random.default_rng(1)
-    n = 50
-    kappa = np.where(np.arange(n) % 2, rng.uniform(-1, 1, n), 0.0)
-    arguments = [kappa, rng.uniform(-1, 1, n), rng.uniform(-0.2, 0.2, n), rng.uniform(0, 9e3, n), np.full(n, V)]
-    script = (
-        "import json, sys; import numpy as np; from steer_env.vehicle import tyre;"
-        "print(json.dumps(np.array(tyre.load().forces(*np.array(json.load(sys.stdin)))).tolist()))"
-    )
-    environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(Path(tyre.__file__).parents[3])}
-    run = subprocess.run(
-        [sys.executable, "-c", script],
-        input=json.dumps(np.array(arguments).tolist()),
-        env=environment,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    # Same operations in the same order; only the elementary functions may come from different builds.
-    np.testing.assert_allclose(json.loads(run.stdout), LEFT.forces(*arguments), rtol=1e-12, atol=1e-9)
-
-
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        ("kappa", 1.6),
         ("kappa", math.nan),
-        ("alpha", -1.6),
         ("alpha", math.inf),
         ("camber", 0.5),
         ("F_z", -1.0),
-        ("F_z", 12001.0),
-        ("F_z", math.inf),
-        ("v_x", 0.5),
         ("v_x", 0.0),
         ("v_x", -101.0),
-        ("v_x", math.nan),
         ("mu", 0.0),
     ],
 )

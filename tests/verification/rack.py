@@ -16,7 +16,7 @@ def rows() -> Iterator[Row]:
     """Rack force by virtual work against the six equations of statics of the knuckle, 300 random cases on each side."""
     s, n, rng = MacPherson.load("s1"), 300, np.random.default_rng(0)
     rack, travel = rng.uniform(-0.075, 0.075, n), rng.uniform(-0.08, 0.08, n)
-    load = WheelLoad(*(rng.uniform(-size, size, n) for size in (3e3, 3e3, 4e3, 6e3, 200.0, 500.0, 150.0)))
+    load = WheelLoad(*(rng.uniform(-size, size, n) for size in (3e3, 3e3, 4e3, 6e3, 200.0, 500.0, 150.0, 500.0)))
     for side, pose, mirror in zip(("left", "right"), s.solve_pair(rack, travel, travel), (1.0, MIRROR)):
         pivots = [mirror * np.array(s.points[f"lower_arm_{end}_pivot"]) for end in ("front", "rear")]
         # relative to the sum of the magnitudes of the contributions, which may cancel
@@ -40,7 +40,7 @@ def static_rack_force(pivots: list[Array], pose: Pose, load: Any) -> Array:
         return np.stack(np.broadcast_arrays(c * x - s * y, s * x + c * y, z), axis=-1)
 
     given = wrench(turned(load.F_x_contact, load.F_y, load.F_z), pose.contact)
-    given += wrench(turned(load.F_x_centre, zero, zero), pose.wheel_centre)
+    given += wrench(turned(load.F_x_centre, zero, load.F_z_centre), pose.wheel_centre)
     given[:, 3:] += turned(load.M_x, load.M_y, load.M_z)
     rod = unit(pose.tie_rod_outer - pose.tie_rod_inner)
     unknown = [wrench(unit(pose.lower_ball_joint - pivot), pose.lower_ball_joint) for pivot in pivots]

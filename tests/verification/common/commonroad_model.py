@@ -3,8 +3,7 @@
 ``vehiclemodels.vehicle_dynamics_mb`` has 29 states: the body, two axles that springs join to it, and four wheels, on
 steady-state Magic Formula tyres. Its axes are SAE (y right, z down, nose up positive); everything here is ISO 8855.
 Every difference beyond the limits has a name and a switch in the CommonRoad model: a value (``QUIRKS``) or a few lines
-of code (``CODE``). Run as a module it prints the effect of each switch; with ``--write`` it writes the stored reference
-instead.
+of code (``CODE``). Run as a module with ``--write`` it writes the stored reference.
 
 Source: commonroad-vehicle-models 3.0.2 (BSD). Its bounds of 0.4 rad/s of steering and 11.5 m/s2 are not reached here.
 """
@@ -16,7 +15,7 @@ import inspect
 import json
 import os
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
@@ -40,7 +39,6 @@ from tests.verification.common.commonroad_manoeuvres import (
     sample_times,
 )
 from tests.verification.common.commonroad_reference import FILE, STORED, interval
-from tests.verification.common.cross_validation import difference, steady
 
 Array = NDArray[np.float64]
 
@@ -261,27 +259,6 @@ def drive(
     return recording_of(times, values, manoeuvre)
 
 
-def alone(manoeuvre: Manoeuvre, parameters: Any, dt: float = 0.01) -> dict[str, tuple[float, float, float]]:
-    """The effect of each peculiarity alone, put back into the reconciled model.
-
-    Returns
-    -------
-    dict of str to (float, float, float)
-        RMS over peak of the change in yaw rate and lateral acceleration, and the largest relative change of the steady
-        values except side-slip [1].
-    """
-    plain = drive(reconciled(parameters), manoeuvre, CODE, dt)
-    base = steady(plain, parameters)
-    changes = {}
-    for name in (*QUIRKS, *CODE):
-        p = reconciled(parameters, [quirk for quirk in QUIRKS if quirk != name])
-        run = drive(p, manoeuvre, [code for code in CODE if code != name], dt)
-        ends = steady(run, parameters)
-        moved = max(abs(value / base[key] - 1.0) for key, value in ends.items() if key != "sideslip_angle")
-        changes[name] = (difference(run, plain, "yaw_rate"), difference(run, plain, "lateral_acceleration"), moved)
-    return changes
-
-
 def histories(name: str, parameters: Any) -> dict[str, Recording]:
     """Their side of one of ``MANOEUVRES``, published and reconciled, sampled as the reference is."""
     manoeuvre = MANOEUVRES[name]
@@ -322,23 +299,8 @@ def write(path: Path = FILE) -> None:
         part.unlink(missing_ok=True)
 
 
-def main(argv: Sequence[str] | None = None) -> None:
-    """Print the effect of each peculiarity alone, or write the reference."""
-    parser = argparse.ArgumentParser(
-        prog="python -m tests.verification.common.commonroad_model", description=main.__doc__
-    )
-    parser.add_argument("--write", action="store_true", help=f"write {FILE} and print nothing")
-    if parser.parse_args(argv).write:
-        write()
-        return
-    p = setup_vehicle_parameters(vehicle_id=VEHICLE)
-    print("Each peculiarity alone [%]: RMS of yaw rate / of a_y / largest change of a steady value except side-slip\n")
-    print(f"| manoeuvre | {' | '.join((*QUIRKS, *CODE))} |")
-    print("|---" * (1 + len(QUIRKS) + len(CODE)) + "|")
-    for name, manoeuvre in MANOEUVRES.items():
-        cells = (" / ".join(f"{100.0 * value:.1f}" for value in values) for values in alone(manoeuvre, p).values())
-        print(f"| {name} | {' | '.join(cells)} |", flush=True)
-
-
 if __name__ == "__main__":
-    main()
+    parser = argparse.ArgumentParser(description=write.__doc__)
+    parser.add_argument("--write", action="store_true", required=True, help=f"{FILE}")
+    parser.parse_args()
+    write()

@@ -23,22 +23,6 @@ from tests.verification.common.commonroad_manoeuvres import (
 FILE = Path(__file__).with_name("commonroad.npz")
 CASES = ("published", "reconciled")  # of the CommonRoad model
 
-# What reconciling changes in the CommonRoad model; ``commonroad_model`` has the values and lines of code.
-PECULIARITIES = {
-    "jump": "A shift of the lateral tyre force, 2 % of the load, changes its sign where a wheel passes upright.",
-    "drag": "The longitudinal tyre force has an offset: a drag of 1 % of the load at zero slip.",
-    "one-sided": "Shifts of combined slip are the same on both sides of the car, so left and right turns differ.",
-    "load point": "The wheel load acts beside the middle of the wheel, in proportion to the lateral force.",
-    "joint": "Spring and damper join body and axles sideways; the body follows the tyre forces after some 0.06 s.",
-    "axle slip": "Slip angles follow the lateral speed of the body's centre of gravity, not that of the axle.",
-    "centres": "The yaw moments are taken about the centre of gravity of the body, not of the whole car.",
-    "lean": "Longitudinal forces give no yaw moment when the body has rolled out of the middle.",
-    "spin": "Spinning wheels have no gyroscopic moments.",
-    "beams": "The axles are beams with a fixed roll centre; our wheels are independent.",
-    "contact": "The load of an inclined wheel acts below its centre; in our model it acts in the wheel plane.",
-    "pitch": "The whole longitudinal force pitches the body, at the height of its centre of gravity.",
-}
-
 
 class Reference(NamedTuple):
     """Their side, as stored."""

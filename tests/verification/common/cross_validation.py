@@ -1,8 +1,8 @@
 """Cross-validation of our two-track car against CommonRoad's multi-body model: comparison and limits.
 
 Our car has the parameters of CommonRoad's and gets the same road-wheel angle and torques. CommonRoad's results are a
-stored reference, which ``commonroad_model`` computes: ``published`` is the CommonRoad model
-as it is, ``reconciled`` the same without the peculiarities that ``commonroad_reference.PECULIARITIES`` names.
+stored reference, which ``commonroad_model`` computes: ``published`` is the CommonRoad model as it is, ``reconciled``
+the same without the peculiarities that are named there.
 """
 
 from typing import Any, NamedTuple
