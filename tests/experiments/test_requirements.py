@@ -24,36 +24,66 @@ friction: Friction laws against their closed forms.
   Bouc-Wen with n = 1 and beta = 1 is Dahl                    7.8e-13  <= 1e-08 of F_c                   pass
 
 column: Column against DOP853 at 1e-10, twelve cases: RMS error of the friction torque at 1 ms, and bounded at 10 ms.
-  lugre, F_c 0.3 N m, 0.05 deg, 0.2 Hz   4.5e-06  <= 0.001 of F_c     pass
-  lugre, F_c 0.3 N m, 0.05 deg, 2 Hz     7.7e-04  <= 0.001 of F_c     pass
-  lugre, F_c 0.3 N m, 0.5 deg, 0.2 Hz    9.2e-07  <= 0.001 of F_c     pass
-  lugre, F_c 0.3 N m, 0.5 deg, 2 Hz      2.2e-04  <= 0.001 of F_c     pass
-  lugre, F_c 0.9 N m, 0.05 deg, 0.2 Hz   1.0e-05  <= 0.001 of F_c     pass
-  lugre, F_c 0.9 N m, 0.05 deg, 2 Hz     4.2e-04  <= 0.001 of F_c     pass
-  lugre, F_c 0.9 N m, 0.5 deg, 0.2 Hz    9.8e-07  <= 0.001 of F_c     pass
-  lugre, F_c 0.9 N m, 0.5 deg, 2 Hz      2.4e-04  <= 0.001 of F_c     pass
-  lugre, F_c 3 N m, 0.05 deg, 0.2 Hz     2.0e-05  <= 0.001 of F_c     pass
-  lugre, F_c 3 N m, 0.05 deg, 2 Hz       4.0e-04  <= 0.001 of F_c     pass
-  lugre, F_c 3 N m, 0.5 deg, 0.2 Hz      2.6e-06  <= 0.001 of F_c     pass
-  lugre, F_c 3 N m, 0.5 deg, 2 Hz        1.2e-04  <= 0.001 of F_c     pass
-  lugre, bounded at 10 ms: peak torque   1.00     <= 1.3 of the true  pass
-  lugre, bounded at 10 ms: peak speed    1.06     <= 1.1 of the true  pass
-  lugre, energy balance                  8.0e-16  <= 1e-12 J          pass
-  masing, F_c 0.3 N m, 0.05 deg, 0.2 Hz  1.1e-05  <= 0.002 of F_c     pass
-  masing, F_c 0.3 N m, 0.05 deg, 2 Hz    1.7e-04  <= 0.002 of F_c     pass
-  masing, F_c 0.3 N m, 0.5 deg, 0.2 Hz   7.8e-07  <= 0.002 of F_c     pass
-  masing, F_c 0.3 N m, 0.5 deg, 2 Hz     4.0e-05  <= 0.002 of F_c     pass
-  masing, F_c 0.9 N m, 0.05 deg, 0.2 Hz  2.8e-05  <= 0.002 of F_c     pass
-  masing, F_c 0.9 N m, 0.05 deg, 2 Hz    4.6e-04  <= 0.002 of F_c     pass
-  masing, F_c 0.9 N m, 0.5 deg, 0.2 Hz   1.8e-06  <= 0.002 of F_c     pass
-  masing, F_c 0.9 N m, 0.5 deg, 2 Hz     3.0e-05  <= 0.002 of F_c     pass
-  masing, F_c 3 N m, 0.05 deg, 0.2 Hz    1.5e-04  <= 0.002 of F_c     pass
-  masing, F_c 3 N m, 0.05 deg, 2 Hz      1.4e-03  <= 0.002 of F_c     pass
-  masing, F_c 3 N m, 0.5 deg, 0.2 Hz     9.7e-06  <= 0.002 of F_c     pass
-  masing, F_c 3 N m, 0.5 deg, 2 Hz       1.2e-04  <= 0.002 of F_c     pass
-  masing, bounded at 10 ms: peak torque  1.00     <= 1.3 of the true  pass
-  masing, bounded at 10 ms: peak speed   1.04     <= 1.1 of the true  pass
-  masing, energy balance                 8.8e-16  <= 1e-12 J          pass
+  lugre, F_c 0.3 N m, 0.05 deg, 0.2 Hz         4.5e-06  <= 0.001 of F_c     pass
+  lugre, F_c 0.3 N m, 0.05 deg, 2 Hz           7.7e-04  <= 0.001 of F_c     pass
+  lugre, F_c 0.3 N m, 0.5 deg, 0.2 Hz          9.2e-07  <= 0.001 of F_c     pass
+  lugre, F_c 0.3 N m, 0.5 deg, 2 Hz            2.2e-04  <= 0.001 of F_c     pass
+  lugre, F_c 0.9 N m, 0.05 deg, 0.2 Hz         1.0e-05  <= 0.001 of F_c     pass
+  lugre, F_c 0.9 N m, 0.05 deg, 2 Hz           4.2e-04  <= 0.001 of F_c     pass
+  lugre, F_c 0.9 N m, 0.5 deg, 0.2 Hz          9.8e-07  <= 0.001 of F_c     pass
+  lugre, F_c 0.9 N m, 0.5 deg, 2 Hz            2.4e-04  <= 0.001 of F_c     pass
+  lugre, F_c 3 N m, 0.05 deg, 0.2 Hz           2.0e-05  <= 0.001 of F_c     pass
+  lugre, F_c 3 N m, 0.05 deg, 2 Hz             4.0e-04  <= 0.001 of F_c     pass
+  lugre, F_c 3 N m, 0.5 deg, 0.2 Hz            2.6e-06  <= 0.001 of F_c     pass
+  lugre, F_c 3 N m, 0.5 deg, 2 Hz              1.2e-04  <= 0.001 of F_c     pass
+  lugre, bounded at 10 ms: peak torque         1.00     <= 1.3 of the true  pass
+  lugre, bounded at 10 ms: peak speed          1.06     <= 1.1 of the true  pass
+  lugre, energy balance                        8.0e-16  <= 1e-12 J          pass
+  lugre, explicit Euler in comparison: worst   3.2e-02  no limit            pass
+  lugre, backward Euler in comparison: worst   1.9e-02  no limit            pass
+  masing, F_c 0.3 N m, 0.05 deg, 0.2 Hz        1.1e-05  <= 0.002 of F_c     pass
+  masing, F_c 0.3 N m, 0.05 deg, 2 Hz          1.7e-04  <= 0.002 of F_c     pass
+  masing, F_c 0.3 N m, 0.5 deg, 0.2 Hz         7.8e-07  <= 0.002 of F_c     pass
+  masing, F_c 0.3 N m, 0.5 deg, 2 Hz           4.0e-05  <= 0.002 of F_c     pass
+  masing, F_c 0.9 N m, 0.05 deg, 0.2 Hz        2.8e-05  <= 0.002 of F_c     pass
+  masing, F_c 0.9 N m, 0.05 deg, 2 Hz          4.6e-04  <= 0.002 of F_c     pass
+  masing, F_c 0.9 N m, 0.5 deg, 0.2 Hz         1.8e-06  <= 0.002 of F_c     pass
+  masing, F_c 0.9 N m, 0.5 deg, 2 Hz           3.0e-05  <= 0.002 of F_c     pass
+  masing, F_c 3 N m, 0.05 deg, 0.2 Hz          1.5e-04  <= 0.002 of F_c     pass
+  masing, F_c 3 N m, 0.05 deg, 2 Hz            1.4e-03  <= 0.002 of F_c     pass
+  masing, F_c 3 N m, 0.5 deg, 0.2 Hz           9.7e-06  <= 0.002 of F_c     pass
+  masing, F_c 3 N m, 0.5 deg, 2 Hz             1.2e-04  <= 0.002 of F_c     pass
+  masing, bounded at 10 ms: peak torque        1.00     <= 1.3 of the true  pass
+  masing, bounded at 10 ms: peak speed         1.04     <= 1.1 of the true  pass
+  masing, energy balance                       1.1e-15  <= 1e-12 J          pass
+  masing, explicit Euler in comparison: worst  2.8e-01  no limit            pass
+  masing, backward Euler in comparison: worst  3.2e-02  no limit            pass
+
+coupling: Car split at the rack, its chassis over UDP, against the undivided car: one track, 100 km/h, steps of 1 ms.
+  lugre: change of any metric of the weave             1.2e-06    <= 2e-06 of the undivided car's  pass
+  lugre: energy lost at the rack                       1.9e-07    <= 2e-06 of what passes          pass
+  lugre, a step of delay: largest change of a metric   1.4e-02    no limit                         pass
+  lugre, a step of delay: energy lost                  -0.19 %    < 0, of what passes              pass
+  lugre: motion left after a pulse, steps of 200 ms    3.6e-06    <= 0.05 of the first second's    pass
+  masing: change of any metric of the weave            1.2e-06    <= 2e-06 of the undivided car's  pass
+  masing: energy lost at the rack                      1.9e-07    <= 2e-06 of what passes          pass
+  masing: motion left after a pulse, steps of 200 ms   4.9e-06    <= 0.05 of the first second's    pass
+  coulomb: change of any metric of the weave           1.2e-06    <= 2e-06 of the undivided car's  pass
+  coulomb: energy lost at the rack                     2.0e-07    <= 2e-06 of what passes          pass
+  coulomb: motion left after a pulse, steps of 200 ms  0.0e+00    <= 0.05 of the first second's    pass
+  lugre, rack force at 15 Hz, 0 ms late                0.06 deg   0.0 deg, to 2 %                  pass
+  lugre, rack force at 15 Hz, 1 ms late                -5.34 deg  -5.4 deg, to 2 %                 pass
+  lugre, rack force at 15 Hz, 1.5 ms late              -8.03 deg  -8.1 deg, to 2 %                 pass
+
+hands_off: Default car, hands off after a pulse of 0.3 s at 10, 11, ..., 60 m/s: highest speed before the first failure.
+  single_track, own friction, 3 N m: settles        60 m/s  >= 50 m/s  pass
+  single_track, own friction, 5 N m: does not spin  56 m/s  no limit   pass
+  single_track, no friction, 3 N m: settles         44 m/s  >= 40 m/s  pass
+  single_track, no friction, 5 N m: does not spin   49 m/s  no limit   pass
+  two_track, own friction, 3 N m: settles           60 m/s  >= 50 m/s  pass
+  two_track, own friction, 5 N m: does not spin     60 m/s  no limit   pass
+  two_track, no friction, 3 N m: settles            47 m/s  >= 40 m/s  pass
+  two_track, no friction, 5 N m: does not spin      60 m/s  no limit   pass
 
 rack: Rack force by virtual work against the six equations of statics of the knuckle, 300 random cases on each side.
   left wheel   5.1e-15  <= 1e-09 of its contributions  pass
@@ -179,7 +209,7 @@ def masked(text):
 
 
 APART = ("synthetic", "time", "page", "policies", "tuning")  # by command; synthetic in test_synthetic.py
-LONG = ("assist", "column", "linear", "power", "straight")
+LONG = ("assist", "column", "coupling", "hands_off", "linear", "power", "straight")
 
 
 @pytest.mark.parametrize(
