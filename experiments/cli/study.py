@@ -8,14 +8,12 @@ import importlib
 from collections.abc import Callable
 
 from steer_env.experiments.cli.common import options
-from steer_env.experiments.cli.common.extras import require
 from steer_env.experiments.cli.common.sweeping import add_sweep, runner
 from steer_env.friction.numerics.registry import dashed, listed
 
 GROUP = "test"
 STUDIES = listed("steer_env.experiments.studies", dashed)
-SWEEPING = ("coupling", "friction", "friction-sites", "hands-off", "held-torque", "loop-width")  # studies of many cases
-EXTRAS = {"coupling": "fmu"}  # study -> the extra that it needs
+SWEEPING = ("friction", "friction-sites", "held-torque", "loop-width")  # studies of many cases
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -32,8 +30,6 @@ def run(args: argparse.Namespace) -> int | None:
     """Run the study; its exit code."""
     from steer_env.experiments.cli.main import without_imports
 
-    if args.name in EXTRAS:
-        require(EXTRAS[args.name], f"the study {args.name}")
     main = importlib.import_module(STUDIES[args.name]).main
     modules, given = without_imports(args.options)  # which may stand before the name, too
     prog = f"steer-env study {args.name}"

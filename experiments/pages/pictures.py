@@ -6,7 +6,6 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
@@ -278,60 +277,6 @@ def learning(tasks: Mapping[str, LearningCurves]) -> Figure:
             axes.set_ylabel(title)
         row[0].set_title(task)
     legend(figure, max(grid[:, 0], key=lambda axes: len(axes.lines)))
-    return figure
-
-
-HIGHEST_YAW_RATE = 30.0  # that is shown after a pulse of the hands [deg/s]
-# Colour and meaning of the verdicts after a pulse of the hands.
-VERDICTS = {
-    "settles": ("#8FD3BD", "settles: after 6 s the yaw rate swings by less than ±0.5 deg/s"),
-    "decays": ("#F0C857", "decays, but takes longer"),
-    "oscillates": ("#D55E00", "keeps oscillating"),
-    "spins": ("#000000", "spins or lifts a wheel"),
-}
-
-
-@styled
-def hands_off(
-    law: str,
-    curves: Mapping[str, Mapping[float, Array]],
-    verdicts: Mapping[tuple[str, float, str], Mapping[float, str]],
-) -> Figure:
-    """What becomes of the car after a pulse of the hands: a column for each chassis.
-
-    Parameters
-    ----------
-    law : str
-        That of the curves.
-    curves : chassis -> speed [m/s] -> (T,) yaw rate [rad/s], sampled at 1 ms
-    verdicts : (chassis, torque [N m], law) -> speed [m/s] -> verdict
-        As in ``VERDICTS``; the speeds are evenly spaced.
-    """
-    torques, laws = list(dict.fromkeys(key[1] for key in verdicts)), list(dict.fromkeys(key[2] for key in verdicts))
-    figure = new_figure(9.6, 2.1 + (0.7 + 0.22 * len(laws)) * len(torques))
-    heights = [8.0, *(len(laws) for _ in torques)]
-    grid = figure.subplots(1 + len(torques), len(curves), sharey="row", squeeze=False, height_ratios=heights)
-    for column, (chassis, over_time) in zip(grid.T, curves.items()):
-        name = chassis.replace("_", " ")
-        for (speed, rate), colour, dash in zip(over_time.items(), PALETTE, DASHES):
-            beyond = np.flatnonzero(np.abs(rate) > HIGHEST_YAW_RATE * DEGREE)
-            shown = rate[: beyond[0] if beyond.size else None : 10] / DEGREE  # a curve ends where it leaves the panel
-            column[0].plot(1e-2 * np.arange(shown.size), shown, color=colour, linestyle=dash, label=f"{speed:g} m/s")
-        column[0].set(title=f"{name}: {torques[0]:g} N m, {law}", xlabel="time from the start of the pulse [s]")
-        for axes, torque in zip(column[1:], torques):
-            axes.grid(visible=False)
-            for row, of in enumerate(verdicts[chassis, torque, each] for each in laws):
-                speeds, words = np.array(list(of)), np.array(list(of.values()))
-                half = 0.5 * (speeds[1] - speeds[0])
-                for part in np.split(np.arange(speeds.size), np.flatnonzero(words[1:] != words[:-1]) + 1):
-                    left, width = speeds[part[0]] - half, 2.0 * half * part.size
-                    axes.barh(row, width, 0.8, left, color=VERDICTS[words[part[0]]][0])
-            axes.set(title=f"{name}: {torque:g} N m", xlabel="speed [m/s]", yticks=range(len(laws)), yticklabels=laws)
-            axes.set(xlim=(speeds[0] - half, speeds[-1] + half), ylim=(len(laws) - 0.4, -0.6))
-    grid[0, 0].set_ylabel("yaw rate [deg/s]")
-    legend(figure, grid[0, 0])
-    patches = [Patch(color=colour, label=text) for colour, text in VERDICTS.values()]
-    figure.legend(handles=patches, loc="outside lower center", ncols=len(patches), columnspacing=1.2)
     return figure
 
 

@@ -1,7 +1,7 @@
 """Friction laws in real time: error and boundedness for every scheme and step length, and what a step costs.
 
 All are of one case: the default car's column under a sine of 2.5 N m of hand torque at 0.5 Hz for 4 s. Errors are
-against :func:`steer_env.experiments.studies.integrators.reference`; ``common.computing_time`` measures the cost.
+against ``common.column_schemes.reference``; ``common.computing_time`` measures the cost.
 """
 
 import argparse
@@ -12,7 +12,7 @@ import numpy as np
 
 from steer_env import friction
 from steer_env.experiments.studies.common import computing_time
-from steer_env.experiments.studies.integrators import SCHEMES, default_case, integrate, reference
+from steer_env.experiments.studies.common.column_schemes import SCHEMES, default_case, integrate, reference
 from steer_env.vehicle import cars
 
 STEPS = (1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2)  # [s], whole multiples of the first

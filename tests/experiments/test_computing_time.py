@@ -41,18 +41,18 @@ class Machine:
         self.own += passed
         self.wall += passed / (1.0 - self.waiting)
 
-    def clocks(self, on_the_wall=False):
+    def clocks(self):
         def wall():
             return round(self.wall)
 
         def own():
             return round(self.own)
 
-        return Clocks(wall, own, wall if on_the_wall else own)
+        return Clocks(wall, own)
 
-    def measure(self, on_the_wall=False):
+    def measure(self):
         blocks = {law: Block(lambda ns=ns: self.spend(ns), STEPS) for law, ns in TRUE.items()}
-        return in_turns(blocks, lambda _: "lugre", clocks=self.clocks(on_the_wall), bare=lambda: self.spend(BARE))
+        return in_turns(blocks, lambda _: "lugre", clocks=self.clocks(), bare=lambda: self.spend(BARE))
 
 
 def test_time_and_ratio_are_those_of_the_blocks():
@@ -79,11 +79,6 @@ def test_another_programs_share_of_the_processor_changes_no_time(waiting):
     assert busy.load.waiting == pytest.approx(waiting, abs=0.01)
     for law in TRUE:
         assert busy.costs[law].ns.median == pytest.approx(quiet.costs[law].ns.median, rel=0.01)
-
-
-def test_on_the_wall_another_program_is_not_borne():
-    assert Machine(waiting=0.02).measure(on_the_wall=True).measurable
-    assert not Machine(waiting=0.1).measure(on_the_wall=True).measurable
 
 
 @pytest.mark.parametrize("disturbed", [{"waiting": 0.6}, {"noise": 0.5}, {"drift": 2.0}])

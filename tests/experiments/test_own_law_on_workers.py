@@ -77,10 +77,8 @@ COMMANDS = {
         "policy", "shift", "shipped", "--env", ASSIST, "--over", "law", "--friction", NAME, "--episodes", "2", *IMPORT
     ],
     "policy suite": ["policy", "suite", "damping", "--env", ASSIST, *IMPORT],
-    "study coupling": ["study", "coupling", "--friction", NAME, *IMPORT],
     "study friction": ["study", *IMPORT, "friction", "--quick"],
     "study friction-sites": ["study", "friction-sites", *IMPORT],
-    "study hands-off": ["study", "hands-off", *IMPORT, "--friction", NAME, "--stride", "25"],
     "study held-torque": ["study", "held-torque", *IMPORT],
     "study loop-width": ["study", "loop-width", "--cars", "compact", *IMPORT],
     "audit": ["audit", "--env", ASSIST, "--rounds", "1", "--steps", "0", *IMPORT],
@@ -88,7 +86,7 @@ COMMANDS = {
 }  # fmt: skip
 # One command for each kind of case: a recording, an environment, and laws that nobody names. Each compiles the law.
 DRIVEN = ("run", "policy evaluate", "study friction")
-DRIVING_FIRST = ("tune", "study coupling")  # before their sweeps, with the law, which is compiled each time
+DRIVING_FIRST = ("tune",)  # before their sweeps, with the law, which is compiled each time
 OF_MAINTAINERS = ("audit", "tune-baselines")
 
 

@@ -8,7 +8,7 @@ from tests.verification import feel
 from tests.verification.common import rows
 
 APART = ("synthetic", "time", "page", "policies", "tuning")  # by command; synthetic in test_synthetic.py
-LONG = ("assist", "column", "linear", "power", "straight")
+LONG = ("assist", "column", "coupling", "hands_off", "linear", "power", "straight")
 
 
 @pytest.mark.parametrize(

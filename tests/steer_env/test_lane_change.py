@@ -6,6 +6,7 @@ import control
 import gymnasium as gym
 import numpy as np
 import pytest
+from scipy.optimize import linprog
 
 from steer_env import manoeuvres, metrics
 from steer_env.courses import iso3888
@@ -14,6 +15,7 @@ from steer_env.episode.timing import UPDATE_INTERVAL
 from steer_env.tasks.common import cones
 from steer_env.vehicle import cars
 from steer_env.vehicle.analysis import linear
+from steer_env.vehicle.constants import GRAVITY
 from steer_env.vehicle.plant import CHANNEL
 from tests.by_law import EACH_LAW
 
@@ -203,6 +205,24 @@ def test_mirrored_run(chassis):
     a, b = (metrics.evaluate(recording) for recording in (left, right))
     for name, value in a.items():
         assert b[name].value == pytest.approx(value.value, rel=1e-6), name
+
+
+def test_the_course_is_not_passed_faster_than_by_a_point_with_the_grip_of_the_tyres():
+    """A linear program gives the least curvature with which a point stays half a width within the gates, at any yaw."""
+    car = iso3888.outline(CAR)
+    gates = iso3888.course("double-lane-change", car.width).gates
+    x = np.arange(0.0, gates[-1].end + 0.5)
+    low, high = np.full(x.size, -np.inf), np.full(x.size, np.inf)
+    for gate in gates:
+        inside = (x >= gate.start) & (x <= gate.end)
+        low[inside], high[inside] = gate.right + 0.5 * car.width, gate.left - 0.5 * car.width
+    curvature = np.diff(np.eye(x.size), 2, axis=0)
+    limits = np.vstack([np.column_stack([sign * curvature, -np.ones(x.size - 2)]) for sign in (1.0, -1.0)])
+    least = linprog(np.eye(x.size + 1)[-1], limits, np.zeros(len(limits)), bounds=[*zip(low, high), (0.0, None)]).fun
+    grip = abs(CAR.tyre.coefficients.PDY1) * GRAVITY
+    too_fast = replace(manoeuvres.make("double-lane-change"), speed=np.sqrt(grip / least))
+    assert 100.0 * KPH < too_fast.speed < 170.0 * KPH
+    assert metrics.evaluate(manoeuvres.drive(CAR, too_fast, "lugre"))["cones_hit"].value > 0.0
 
 
 def test_obstacle_avoidance_coasts():

@@ -9,14 +9,15 @@ import numpy as np
 import pytest
 
 from steer_env import friction
-from steer_env.experiments.studies.assist_design import main
 from steer_env.friction import sites
 from steer_env.friction.numerics import toml
 from steer_env.vehicle import cars
-from steer_env.vehicle.analysis import assist_design, free_control
+from steer_env.vehicle.analysis import free_control
 from steer_env.vehicle.constants import GRAVITY as G
 from steer_env.vehicle.steering import margins
 from steer_env.vehicle.steering.torque_build_up import torque_build_up
+from tests.maintain.__main__ import run as maintain
+from tests.tools import assist_design
 
 KPH = 1.0 / 3.6
 
@@ -95,7 +96,7 @@ def test_the_printed_section_replaces_a_scale(options, noted, capsys, monkeypatc
     """It is TOML, resets the scale that the design does not know, and says how a file takes it."""
     few = assist_design.Design(np.array([0.0, 50.0]), np.array([0.0, 5.0]), np.eye(2), np.ones(2))
     monkeypatch.setattr(assist_design, "design", lambda car: few)
-    main(options)
+    assert maintain(["design-assist", *options]) == 0
     printed = capsys.readouterr().out
     assert toml.loads(printed)["assist"] == {
         **{"speeds": [0.0, 50.0], "torques": [0.0, 5.0]},
@@ -103,3 +104,10 @@ def test_the_printed_section_replaces_a_scale(options, noted, capsys, monkeypatc
     }
     assert "in place of its own speeds, torques, boost, boost_scale" in printed
     assert ("The boost_scale of this car has no part in the design" in printed) is noted
+
+
+def test_the_functions_stay_at_the_speeds_of_the_design():
+    given = [8.0, 7.0, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0]
+    assist = cars.load("compact", changes={"assist.return_gain": given}).assist
+    found = assist_design.functions_at(assist.functions, np.array([0.0, 50.0]))
+    assert found.active_return.gain.tolist() == [8.0, np.interp(50.0, assist.speeds, given)]

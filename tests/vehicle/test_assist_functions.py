@@ -11,7 +11,7 @@ from steer_env import friction, manoeuvres, metrics
 from steer_env.friction.numerics import packing
 from steer_env.manoeuvres import drive
 from steer_env.vehicle import cars, plant
-from steer_env.vehicle.analysis import assist_design, understeer
+from steer_env.vehicle.analysis import understeer
 from steer_env.vehicle.layout import layout_of, size_of, states
 from steer_env.vehicle.steering import column, eps, stability
 from steer_env.vehicle.steering.assist import active_return, functions
@@ -286,13 +286,6 @@ def test_response_has_the_functions():
     np.testing.assert_allclose(np.abs(found / model), 1.0, atol=0.01)
     np.testing.assert_allclose(np.degrees(np.angle(found / model)), 0.0, atol=1.0)
     assert np.abs(without / model - 1.0).max() > 0.01
-
-
-def test_design_keeps_the_functions():
-    car = compact(return_gain=[8.0, 7.0, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0])
-    few = assist_design.Design(np.array([0.0, 50.0]), np.array([0.0, 5.0]), np.zeros((2, 2)), np.ones(2))
-    kept = assist_design._with(car, few).assist.functions
-    assert kept.active_return.gain.tolist() == [8.0, np.interp(50.0, car.assist.speeds, [8, 7, 6, 5, 4, 3, 2, 1])]
 
 
 def test_states_are_named_and_rows_run_alone():

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from steer_env import friction
-from steer_env.experiments.studies.integrators import Case, integrate
+from steer_env.experiments.studies.common.column_schemes import Case, integrate
 from steer_env.vehicle import cars, plant
 from steer_env.vehicle.steering import column
 from tests.verification.common.rows import Row, at_most

@@ -1,1 +1,1 @@
-"""What analyses a car: linear models, operating points, limit cycles, free control, understeer, assist design."""
+"""What analyses a car: linear models, operating points, limit cycles, free control, understeer."""

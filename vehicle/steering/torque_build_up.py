@@ -3,8 +3,8 @@
     T(A) = G_1 A + (G_0 - G_1) s tanh(A/s)
 
 The gradient on centre is within the 12 to 22 N m/g of compact cars with EPS and near the 23 N m/g that drivers
-preferred (Segel, 1964); the rest is assumed. :mod:`steer_env.vehicle.analysis.assist_design` shapes the boost for it,
-and it is the main part of the reference feel of the assist tasks.
+preferred (Segel, 1964); the rest is assumed. The boost of the packaged cars is shaped for it, and it is the main part
+of the reference feel of the assist tasks.
 """
 
 import math

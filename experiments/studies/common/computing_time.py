@@ -17,7 +17,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 import numpy as np
 
 from steer_env import friction, manoeuvres
-from steer_env.experiments.studies.integrators import SCHEMES, arguments, default_case
+from steer_env.experiments.studies.common.column_schemes import SCHEMES, arguments, default_case
 from steer_env.friction import ode
 from steer_env.friction.numerics.kernel import bind, kernel
 from steer_env.vehicle import plant
@@ -39,7 +39,6 @@ CHEAP = 0.01  # a step that takes a smaller part of real time counts as cheap; a
 # are. One that shares its core, on a virtual machine not even seen, does not: Masing's over LuGre's was 0.31 or 0.37
 # for the column and 0.73 or 0.84 for the car, for seconds at a time, with intervals of 1 to 2 % and a quiet bare loop.
 MOST_WAITING = 0.5  # share of the time that the bare loop waits for the processor [1]
-MOST_WAITING_OF_OTHERS = 0.05  # the same where blocks are timed on the wall, assumed [1]
 MOST_SPREAD = 0.3  # of the bare loop between its percentiles of 10 and 90, over the lower one, assumed [1]
 WIDEST = 0.1  # interval of a ratio over the ratio, assumed [1]
 
@@ -101,7 +100,6 @@ class Clocks(NamedTuple):
 
     wall: Callable[[], int] = time.perf_counter_ns
     own: Callable[[], int] = OWN
-    block: Callable[[], int] = OWN  # of the blocks; that of the wall where other processes do their work
 
 
 def estimate(values: Sequence[float]) -> Estimate:
@@ -146,7 +144,7 @@ def in_turns(
                 before = clocks.wall()
                 beside.append(_timed(bare, clocks.own))
                 waited += clocks.wall() - before
-                times[name].append(_timed(blocks[name].run, clocks.block) / blocks[name].steps)
+                times[name].append(_timed(blocks[name].run, clocks.own) / blocks[name].steps)
             spent = 1e-9 * (clocks.wall() - start) / MOST_SECONDS
             notify(min(max((i + 1) / ROUNDS, spent), 1.0))
             if spent >= 1.0 and i + 1 >= LEAST_ROUNDS:
@@ -157,8 +155,7 @@ def in_turns(
     }
     width = max((ratio.high - ratio.low) / ratio.median for _, ratio in costs.values())
     load = Load(max(1.0 - sum(beside) / waited, 0.0), float(slow / quick - 1.0), width)
-    quiet = clocks.block is clocks.own or load.waiting <= MOST_WAITING_OF_OTHERS
-    return Measured(load, costs if load.small and quiet else {})
+    return Measured(load, costs if load.small else {})
 
 
 class Times(NamedTuple):

@@ -1,5 +1,6 @@
 """The chassis of this project as an external vehicle: as a unit of FMI 2.0 and 3.0, and over UDP."""
 
+import json
 import shutil
 from dataclasses import replace
 
@@ -10,6 +11,9 @@ from steer_env import manoeuvres, metrics
 from steer_env.connect import fmu
 from steer_env.connect.external import Coupled, Coupling, CouplingError, FmuVehicle, UdpVehicle, mapping, opened
 from steer_env.connect.udp import Server
+from steer_env.experiments.reports import report
+from steer_env.experiments.reports.report_results import Scope
+from steer_env.friction import make
 from steer_env.vehicle import cars, plant, subsystems
 
 fmpy = pytest.importorskip("fmpy", reason="the extra fmu is not installed")
@@ -158,3 +162,15 @@ def test_parking_and_a_change_of_speed_that_a_manoeuvre_asks_for(standing):
         whole = manoeuvres.drive(CAR, manoeuvre)
         divided = divided_drive(manoeuvre, standing)
         assert np.abs(divided[channel] - whole[channel]).max() < error * np.ptp(whole[channel])
+
+
+def test_report_of_the_chassis_is_that_of_the_whole_car(unit, tmp_path):
+    scope = Scope(tests={"weave": {}}, vehicle=False, widths=(), steps=(1e-3,), speeds_kph=(0.0,))
+    laws = {"lugre": make("lugre")}
+    whole = report.build(tmp_path / "whole", laws, scope).drives["weave"]["lugre"].values
+    report.build(tmp_path / "divided", laws, scope._replace(chassis=str(unit)))
+    divided = json.loads((tmp_path / "divided" / "metrics.json").read_text())
+    for name, value in whole.items():
+        assert divided["metrics"]["lugre"][name]["value"] == pytest.approx(value.value, rel=2e-6)
+    assert divided["provenance"]["external_vehicle"]["name"] == str(unit)
+    assert str(unit) in (tmp_path / "divided" / "index.html").read_text()

@@ -115,18 +115,6 @@ def keys(f: "Functions | NoFunctions", dt: float) -> dict[str, Any]:
     return found
 
 
-def at_speeds(f: "Functions | NoFunctions", speeds: NDArray[np.float64]) -> "Functions | NoFunctions":
-    """The same functions with their values at other speeds (V,) [m/s]."""
-    if isinstance(f, NoFunctions):
-        return f
-    changed = {
-        name: p._replace(gain=np.interp(speeds, f.speeds, p.gain))
-        for name, p in f._asdict().items()
-        if np.ndim(getattr(p, "gain", 0.0))
-    }
-    return frozen(f._replace(speeds=np.array(speeds), **changed))
-
-
 def gain_at(f: Functions, values: NDArray[np.float64], speed: float) -> float:
     """A value of the functions (V,) at a vehicle speed [m/s]."""
     return float(np.interp(abs(speed), f.speeds, values))

@@ -1,24 +1,20 @@
 """The column alone under a sine of hand torque, by three schemes and a reference.
 
-The schemes are the project's midpoint scheme, and explicit and backward Euler, which are here for comparison only. The
+The schemes are the project's midpoint scheme, and explicit and backward Euler, with which it is compared. The
 reference is scipy's integration at a tight tolerance. A road spring on the column lets the friction site slide and come
 back:
 
     T1 = A sin(2 pi f t),    T_C = -K_road th2
 """
 
-import argparse
 import math
-from collections.abc import Callable, Sequence
-from functools import cache
-from itertools import product
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from steer_env import friction
 from steer_env.experiments.studies.friction_laws import set_valued
 from steer_env.friction.law import advance, law_of, rate, torque
 from steer_env.friction.numerics.kernel import kernel
@@ -212,58 +208,3 @@ def reference(case: Case, h: float, tolerance: float = 1e-10) -> NDArray[np.floa
         atol=tolerance * 1e-2,
     )
     return np.diff(solution.y[-1]) / h
-
-
-# Friction F_c [N m], pre-sliding distance [deg], frequency [Hz] of the twelve cases that pin the accuracy.
-TWELVE = tuple(product((0.3, 0.9, 3.0), (0.05, 0.5), (0.2, 2.0)))
-
-
-def twelve_cases(law: str) -> list[Case]:
-    """The cases of ``TWELVE``, two cycles each, for "lugre" or "masing".
-
-    The pre-sliding distance is ``F_c/sigma_0`` for LuGre, with a damping ratio of 0.5 of the pre-sliding mode, and the
-    length of the virgin curve for Masing. The hand torque exceeds the friction by 0.3 N m, which moves the column at up
-    to 0.3 to 0.5 rad/s, as the on-centre weave does (0.33 rad/s). Faster reversals cost accuracy: with an excess of
-    0.5 N m, 0.7 rad/s, the error of the stiffest LuGre case is 0.12 %; with 2 N m, 2.7 rad/s, it is 0.22 %.
-    """
-    c = column.make()
-    cases = []
-    for F_c, distance, frequency in TWELVE:
-        length = math.radians(distance)
-        if law == "lugre":
-            stiffness = F_c / length
-            p = friction.make(law, F_c=F_c, sigma_0=stiffness, sigma_1=math.sqrt(stiffness * c.I2))
-        else:
-            p = friction.make(law, F_c=F_c, x_c=length)
-        cases.append(Case(c, p, F_c + 0.3, frequency, 2.0 / frequency))
-    return cases
-
-
-@cache
-def twelve_references(law: str) -> list[NDArray[np.float64]]:
-    """Reference means over steps of 1 ms for the twelve cases."""
-    return [reference(case, 1e-3) for case in twelve_cases(law)]
-
-
-def relative_error(case: Case, scheme: str, h: float, exact: NDArray[np.float64], unit: float | None = None) -> float:
-    """RMS error of the friction torque over steps of ``h``, relative to ``unit`` [N m] or to the peak of ``exact``.
-
-    ``exact`` holds the means over steps of that length, or of a whole fraction of it, from :func:`reference`. The
-    error is NaN where the scheme diverges.
-    """
-    with np.errstate(over="ignore", invalid="ignore"):
-        T_F, _ = integrate(case, scheme, h)
-        means = exact.reshape(T_F.size, -1).mean(axis=1)
-        return float(np.sqrt(np.mean((T_F - means) ** 2)) / (unit or np.max(np.abs(exact))))
-
-
-def main(argv: Sequence[str] | None = None) -> None:
-    """Print the error of every scheme at 1 ms in the twelve cases."""
-    argparse.ArgumentParser(prog="steer-env study integrators", description=main.__doc__).parse_args(argv)
-    print("RMS error of the friction torque at 1 ms, % of F_c, against DOP853 at 1e-10\n")
-    print("law     F_c [N m]  distance [deg]  f [Hz]  " + "  ".join(f"{scheme:>14s}" for scheme in SCHEMES))
-    for law in ("lugre", "masing"):
-        for (F_c, distance, frequency), case, exact in zip(TWELVE, twelve_cases(law), twelve_references(law)):
-            errors = (100.0 * relative_error(case, scheme, 1e-3, exact, F_c) for scheme in SCHEMES)
-            row = "  ".join(f"{error:14.4f}" for error in errors)
-            print(f"{law:7s} {F_c:9.1f}  {distance:14.2f}  {frequency:6.1f}  {row}")

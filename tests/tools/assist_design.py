@@ -1,7 +1,7 @@
 """Design of the assist of a car: boost from torque build-up and parking effort, motor damping from free control.
 
-The packaged cars have the tables that :func:`design` returns. With the quasi-static rack torque T_r(A) on the column at
-a lateral acceleration A, the hands hold T(A) if
+The packaged cars have the tables that :func:`design` returns; ``python -m tests.maintain design-assist`` prints them.
+With the quasi-static rack torque T_r(A) on the column at a lateral acceleration A, the hands hold T(A) if
 
     boost(T(A)) = T_r(A) - T(A)       with the torque build-up T(A) of (E7)                        (E8)
     boost(T) = T_p (T/T_e)^n - T      standing, with the largest rack torque T_p at the effort T_e (E9)
@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.sites import make_sites, transmissions
 from steer_env.vehicle import plant
 from steer_env.vehicle.analysis import free_control
@@ -30,7 +31,7 @@ from steer_env.vehicle.chassis.common.interface import HAND, HAND_SPEED, INPUTS
 from steer_env.vehicle.constants import GRAVITY
 from steer_env.vehicle.plant import CHANNEL
 from steer_env.vehicle.steering import margins
-from steer_env.vehicle.steering.assist import functions
+from steer_env.vehicle.steering.assist.functions import Functions, NoFunctions
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 from steer_env.vehicle.steering.torque_build_up import torque_build_up
 
@@ -148,9 +149,21 @@ def _steady(car: Car, speed: float) -> bool:
     return found.stable and math.degrees(found.phase) >= phase and 20.0 * math.log10(found.gain) >= gain
 
 
+def functions_at(f: Functions | NoFunctions, speeds: Array) -> Functions | NoFunctions:
+    """The same functions of the assist with their values at other speeds (V,) [m/s]."""
+    if isinstance(f, NoFunctions):
+        return f
+    changed = {
+        name: p._replace(gain=np.interp(speeds, f.speeds, p.gain))
+        for name, p in f._asdict().items()
+        if np.ndim(getattr(p, "gain", 0.0))
+    }
+    return frozen(f._replace(speeds=np.array(speeds), **changed))
+
+
 def _with(car: Car, found: Design) -> Car:
     speeds, torques, boost, damping = (np.ascontiguousarray(values) for values in found)
-    kept = functions.at_speeds(car.assist.functions, speeds)
+    kept = functions_at(car.assist.functions, speeds)
     assist = car.assist._replace(speeds=speeds, torques=torques, boost=boost, damping=damping, functions=kept)
     return car._replace(assist=assist)
 

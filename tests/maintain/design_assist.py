@@ -1,23 +1,26 @@
-"""The assist that the design gives a car, as a section of a car file."""
+"""Design boost and motor damping for a car and print them as a section of a car file (TOML)."""
 
 import argparse
-from collections.abc import Sequence
 
 import numpy as np
 
 from steer_env.experiments.pages import car_options
-from steer_env.vehicle.analysis import assist_design
+from tests.tools import assist_design
 
+GROUP = "Maintain the package"
 MERGE = """\
 # A file that has a section [assist] takes these keys into it, in place of its own speeds, torques, boost, boost_scale
 # and damping; lists among its other keys need a number for each of these speeds. A file holds one section [assist]."""
 
 
-def main(argv: Sequence[str] | None = None) -> None:
-    """Design boost and motor damping for a car and print them as a section of a car file (TOML)."""
-    parser = argparse.ArgumentParser(prog="steer-env study assist-design", description=main.__doc__)
+def add(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     car_options.add(parser)
-    car = car_options.load(parser.parse_args(argv))
+
+
+def run(args: argparse.Namespace) -> None:
+    """Design and print."""
+    car = car_options.load(args)
     found = assist_design.design(car)
     print(MERGE)
     if np.any(np.asarray(car.data()["assist"]["boost_scale"]) != 1.0):
