@@ -24,11 +24,8 @@ LAWS = ("lugre", "masing", "coulomb")
 SPEED, CYCLES = 100.0 / 3.6, 6  # [m/s], of the weave
 MOST = 2e-6  # change of a metric of the weave, as a share of the undivided car's [1]
 LONGEST, LEFT = 200, 0.05  # step at which the motion still dies out [ms]; share of it that may be left, assumed [1]
-PULSE, LENGTH, DURATION = (
-    8.0,
-    100,
-    6000,
-)  # hand torque before the hands let go [N m], its length and that of the run [ms]
+PULSE = 8.0  # hand torque before the hands let go [N m]
+LENGTH, DURATION = 100, 6000  # of the pulse and of the run [ms]
 FREQUENCY, AMPLITUDE = 15.0, 0.05  # of the handwheel where a delay is read, amplitude assumed [Hz], [rad]
 TURN = 360.0 * FREQUENCY * SAMPLE_TIME  # of a delay of a step [deg]
 # Delay of the rack force by coupling [steps]; a force that is held is half a step late.
