@@ -232,7 +232,7 @@ def test_a_level_by_position_is_in_the_curve_and_the_file():
 def test_an_asymmetry_is_told_beside_the_offset(fitted):
     folder, printed = fitted
     assert "an asymmetry of 0.055" in printed
-    value, low, high = loaded(folder / "out" / "dahl.json")["asymmetry"]
+    value, low, high = loaded(folder / "friction_mine" / "dahl.json")["asymmetry"]
     assert low < value < high
     assert value == pytest.approx(0.05 / DAHL.F_c, rel=0.05)
 
