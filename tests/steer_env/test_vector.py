@@ -69,17 +69,6 @@ def runs(env, seed=3, steps=200):
     return np.array(seen)
 
 
-@pytest.mark.whole
-def test_same_in_subprocesses():
-    """Gymnasium's own workers, spawned or forked, step the same episodes."""
-    here = runs(make(WEAVE, randomise=RANDOM))
-    workers = gym.make_vec(
-        WEAVE, num_envs=ROWS, vectorization_mode="async", randomise=RANDOM, vector_kwargs={"context": "spawn"}
-    )
-    assert np.array_equal(runs(workers), here)
-    workers.close()
-
-
 def test_threads_survive_a_fork():
     vector = make(WEAVE, threads=2)
     here = runs(vector)
@@ -227,15 +216,6 @@ def test_rows_that_begin_anew_have_their_bits_beside_others(threads):
             observation, reward, *_ = env.step(actions[i])
             assert np.array_equal(observation, observations[i])
             assert reward == rewards[i]
-
-
-def test_a_thousand_sub_environments():
-    vector = gym.make_vec(WEAVE, num_envs=1024, friction="masing")
-    vector.reset(seed=0)
-    for _ in range(20):
-        observations, rewards, *_ = vector.step(np.zeros((1024, 1), np.float32))
-    assert np.isfinite(observations).all()
-    assert np.unique(rewards).size > 1000  # each its own amplitude
 
 
 def test_steps_keep_no_memory():
