@@ -13,20 +13,9 @@ from steer_env.recording import channel_mapping, csv_file
 from steer_env.recording.files import read, write
 from steer_env.recording.recording import DEGREE, Recording
 from steer_env.vehicle.constants import GRAVITY
-from tests.steer_env.recorded import mapped, refusal
+from tests.steer_env.recorded import made_weave, mapped, refusal
 
-
-@pytest.fixture
-def weave():
-    time = np.arange(5001) / 100
-    phase = 2 * np.pi * 0.2 * time
-    channels = {
-        "handwheel_angle": 0.3 * np.sin(phase),
-        "handwheel_torque": 3 * np.sin(phase + 0.2),
-        "lateral_acceleration": 2 * np.sin(phase - 0.2),
-        "yaw_rate": np.sin(phase - 0.1) / 10,
-    }
-    return Recording(time, channels, {name: metrics.CHANNELS[name] for name in channels})
+weave = pytest.fixture(made_weave)
 
 
 # Text from elsewhere

@@ -13,20 +13,15 @@ from hypothesis import strategies as st
 from steer_env import metrics
 from steer_env.recording.files import FORMATS, read, write
 from steer_env.recording.recording import DEGREE, FILE_UNITS, Recording, require_moderate
+from tests.steer_env.recorded import UNITS, made_weave
 
-UNITS = {"handwheel_angle": "rad", "handwheel_torque": "N m", "lateral_acceleration": "m/s2", "yaw_rate": "rad/s"}
 SUFFIXES = [*FORMATS]
 
 
 @pytest.fixture
 def weave():
-    """A weave whose torque and yaw rate lead and lag, so that there are metrics to read."""
-    time = np.arange(5001) / 100
-    phase = 2 * np.pi * 0.2 * time
-    channels = dict(
-        zip(UNITS, (0.3 * np.sin(phase), 3 * np.sin(phase + 0.2), 2 * np.sin(phase - 0.2), np.sin(phase - 0.1) / 10))
-    )
-    return Recording(time, channels, UNITS, {"manoeuvre": "weave", "speed_kph": 100.0, "cycles": 5, "mirrored": False})
+    meta = {"manoeuvre": "weave", "speed_kph": 100.0, "cycles": 5, "mirrored": False}
+    return dataclasses.replace(made_weave(), meta=meta)
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
