@@ -83,14 +83,10 @@ def test_threads_survive_a_fork():
     ("arguments", "message"),
     [
         ({"num_envs": 0}, "num_envs must be a whole number of at least 1, got 0"),
-        ({"num_envs": True}, "num_envs must be a whole number of at least 1, got True"),
-        ({"num_envs": 2.0}, "num_envs must be a whole number of at least 1, got 2.0"),
         ({"threads": 0}, "threads must be a whole number of at least 1, got 0"),
-        ({"threads": "2"}, "threads must be a whole number of at least 1, got '2'"),
         ({"autoreset_mode": "never"}, "never"),
         ({"render_mode": "human"}, "render_mode must be None or one of rgb_array, rgb_array_list, got 'human'"),
         ({"max_episode_steps": 0}, "max_episode_steps must be a whole number of at least 1, got 0"),
-        ({"max_episode_steps": 2.5}, "max_episode_steps must be a whole number of at least 1, got 2.5"),
     ],
 )
 def test_bad_arguments(arguments, message):
