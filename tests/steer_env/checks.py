@@ -1,4 +1,4 @@
-"""What the exact checks of metrics share: whether every answer is found, what is refused, and a gap in a channel."""
+"""What the exact checks of metrics share: every answer is found, recordings are alike, what is refused, a gap."""
 
 import numpy as np
 import pytest
@@ -28,6 +28,20 @@ def check(clean, answers, tolerance, without=()):
 def refusals(clean, test=None, **given):
     """Reasons by name."""
     return {name: value.reason for name, value in metrics.evaluate(clean, test, **given).items() if value.reason}
+
+
+def check_refused(bad, reason, test=None, **given):
+    """Every metric of the test is refused for this reason."""
+    found = refusals(bad, test, **given)
+    assert found.keys() == set(metrics.available(test or bad.meta["manoeuvre"])), reason
+    assert all(reason in text for text in found.values()), (reason, found)
+
+
+def check_alike(one, other, test=None, **allowed):
+    """Both recordings have the same metrics, within a tolerance of :func:`pytest.approx`."""
+    found = metrics.evaluate(other, test)
+    for name, value in metrics.evaluate(one, test).items():
+        assert found[name].value == pytest.approx(value.value, **allowed), name
 
 
 def burst(clean, name):

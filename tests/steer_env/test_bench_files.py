@@ -8,19 +8,10 @@ import pytest
 from scipy import io
 
 from steer_env.recording.files import read, write
-from steer_env.recording.recording import DEGREE, Recording
-from tests.steer_env.recorded import mapped, refusal
+from steer_env.recording.recording import DEGREE
+from tests.steer_env.recorded import made_weave, mapped, refusal
 
-UNITS = {"handwheel_angle": "rad", "handwheel_torque": "N m", "lateral_acceleration": "m/s2", "yaw_rate": "rad/s"}
-
-
-@pytest.fixture
-def weave():
-    time = np.arange(1001) / 100
-    wave = np.sin(2 * np.pi * 0.5 * time)
-    return Recording(time, dict(zip(UNITS, (0.3 * wave, 3.0 * wave, 2.0 * wave, 0.1 * wave))), UNITS)
-
-
+weave = pytest.fixture(made_weave)
 BENCH = {
     "a comment without a colon": "# Bench 3\n# driver: A\n# checked, signed\nTime [s],SWA [deg]\n0,-90.5\n0.5,90\n",
     "units under the header": "Time,SWA\ns,deg\n0,-90.5\n0.5,90\n",

@@ -56,15 +56,6 @@ def sight_of(lateral):
     return np.array([-lateral[0], 0.0, *lateral[1:]])
 
 
-def test_preview_takes_the_default_car_through_the_double_lane_change():
-    """ISO 3888-1 at 80 km/h without a cone, arms between driver and handwheel."""
-    env = gym.make("steer_env/DriverDoubleLaneChange-v3")
-    for mirrored in (0, 1):
-        _, info = drive(env, "preview", options={"mirrored": mirrored, "entry_offset": 0.2, "entry_heading": 0.01})
-        assert info["metrics"]["cones_hit"] == 0.0
-        assert info["cost"] == 0.0
-
-
 @pytest.mark.parametrize("driver", WITH_PREVIEW)
 def test_a_mirrored_course_is_driven_mirrored_to_the_bit(driver):
     env = gym.make("steer_env/DriverDoubleLaneChange-v3")

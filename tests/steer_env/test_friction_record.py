@@ -119,15 +119,6 @@ def test_what_is_no_record_is_refused_with_the_remedy(recording, contains):
         friction_record.from_recording(recording)
 
 
-def test_times_that_repeat_or_are_missing_are_refused(tmp_path):
-    again = T.copy()
-    again[100] = again[99]
-    with refused(["record.csv", "line 102", "time_s", "after that of the line before"]):
-        read(table("time_s,displacement_deg,friction_Nm", again, X, F), tmp_path)
-    with refused(["record.csv", "no time among the columns"]):
-        read(table("displacement_deg,friction_Nm", X, F), tmp_path)
-
-
 def test_units_that_only_a_lever_joins():
     record = friction_record.from_recording(rig(torque=F / 0.008, units=("rad", "N")))
     with refused(["in rad", "in N", "--lever"]):

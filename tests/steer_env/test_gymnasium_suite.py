@@ -1,11 +1,10 @@
-"""What Gymnasium's own tests ask of its environments (test_envs, test_env_spec), asked of ours."""
+"""What Gymnasium's own tests ask of its environments (test_envs), asked of ours."""
 
 import warnings
 
 import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env, data_equivalence
 
 from steer_env.registration import DRIVEN, REGISTERED
@@ -43,27 +42,3 @@ def test_two_rollouts_of_a_seed_are_the_same(name):
         if a[2] or a[3]:
             one.reset(seed=SEED)
             two.reset(seed=SEED)
-
-
-@pytest.mark.whole
-@pytest.mark.parametrize("name", [IDS[0], IDS[-1]])
-def test_the_specification_of_a_wrapped_environment_makes_it_again(name):
-    env = gym.make(name, **({"render_mode": "rgb_array"} if name in DRIVEN else {}))
-    env = gym.wrappers.NormalizeReward(
-        gym.wrappers.TimeAwareObservation(gym.wrappers.FlattenObservation(gym.wrappers.TimeLimit(env, 7))), gamma=0.8
-    )
-    spec = EnvSpec.from_json(env.spec.to_json())
-    assert spec == env.spec
-    again = gym.make(spec)
-    assert isinstance(again, gym.wrappers.NormalizeReward)
-    assert again.gamma == 0.8
-    assert again.render_mode == env.render_mode
-    assert type(again.unwrapped) is type(env.unwrapped)
-    assert equal(env.reset(seed=42), again.reset(seed=42))
-    for k in range(1, 8):
-        action = env.action_space.sample()
-        one, two = env.step(action), again.step(action)
-        assert equal(one, two)
-        assert one[2] or one[3] == (k == 7)
-        if one[2]:
-            break

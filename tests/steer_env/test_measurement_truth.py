@@ -9,6 +9,7 @@ from steer_env import manoeuvres, metrics
 from steer_env.metrics.common import straight
 from steer_env.recording.recording import DEGREE
 from steer_env.vehicle import cars, road
+from tests.steer_env.checks import check_alike
 from tests.synthetic import faults
 from tests.synthetic.loops import linear_car, rough_car
 from tests.synthetic.recordings import changed, recording, smooth_step
@@ -42,21 +43,19 @@ def notes(found):
 @pytest.mark.parametrize("offset", [-2.0, 1.0])
 def test_an_offset_of_the_handwheel_angle_is_found_and_removed(weave, offset):
     """Formerly 1 deg changed the torque dead band by 2.6 % and the stiffness by 2.8 %, outside their intervals."""
-    plain = metrics.evaluate(weave)
-    found = metrics.evaluate(changed(weave, handwheel_angle=weave["handwheel_angle"] + offset * DEGREE))
-    for name, value in found.items():
-        assert value.value == pytest.approx(plain[name].value, rel=1e-4), name
-    assert notes(plain) == ()
-    assert notes(found)[0].startswith(f"handwheel_angle reads {offset:g} deg where the car goes straight")
+    shifted = changed(weave, handwheel_angle=weave["handwheel_angle"] + offset * DEGREE)
+    check_alike(weave, shifted, rel=1e-4)
+    assert notes(metrics.evaluate(weave)) == ()
+    assert notes(metrics.evaluate(shifted))[0].startswith(
+        f"handwheel_angle reads {offset:g} deg where the car goes straight"
+    )
 
 
 def test_the_zeros_of_all_sensors_are_removed(weave):
-    plain = metrics.evaluate(weave)
     offsets = {"handwheel_torque": 5.0, "lateral_acceleration": 0.2, "yaw_rate": -0.5 * DEGREE}
-    found = metrics.evaluate(changed(weave, **{name: weave[name] + size for name, size in offsets.items()}))
-    for name, value in found.items():
-        assert value.value == pytest.approx(plain[name].value, rel=1e-4), name
-    told = " ".join(notes(found))
+    shifted = changed(weave, **{name: weave[name] + size for name, size in offsets.items()})
+    check_alike(weave, shifted, rel=1e-4)
+    told = " ".join(notes(metrics.evaluate(shifted)))
     assert "handwheel_torque reads 5 N m" in told
     assert "lateral_acceleration reads 0.2 m/s2" in told
     assert "yaw_rate reads -0.5 deg/s" in told
@@ -94,12 +93,10 @@ def test_a_zero_of_the_angle_that_drifts_does_not_move_the_lags():
 def test_ramps_are_found_behind_an_offset_of_the_angle():
     """Formerly 2 deg changed the dead bands by up to 9 %, because the ramps began elsewhere."""
     clean = transitions(100.0)
-    plain = metrics.evaluate(clean)
-    found = metrics.evaluate(changed(clean, handwheel_angle=clean["handwheel_angle"] + 2.0 * DEGREE))
-    for name, value in found.items():
-        assert value.value == pytest.approx(plain[name].value, rel=1e-6), name
-    assert notes(plain) == ()
-    assert notes(found)[0].startswith("handwheel_angle reads 2 deg before the first input")
+    shifted = changed(clean, handwheel_angle=clean["handwheel_angle"] + 2.0 * DEGREE)
+    check_alike(clean, shifted, rel=1e-6)
+    assert notes(metrics.evaluate(clean)) == ()
+    assert notes(metrics.evaluate(shifted))[0].startswith("handwheel_angle reads 2 deg before the first input")
 
 
 def test_zeros_need_straight_running():

@@ -13,6 +13,7 @@ from steer_env.metrics.common.confidence import trend
 from steer_env.metrics.common.registry import EVALUATIONS
 from steer_env.recording.recording import DEGREE, Recording
 from steer_env.vehicle import cars
+from tests.steer_env.checks import burst, check_alike, check_refused, refusals
 from tests.synthetic.loops import AY_PEAK, linear_car, linear_car_answers, rough_car, rough_car_answers
 from tests.synthetic.recordings import changed, mirrored
 
@@ -115,9 +116,7 @@ def test_a_trend_is_told_as_scipy_tells_it():
 def test_left_and_right_are_alike():
     """The mirrored recording has the same metrics; only where its cycles begin differs, by half a period."""
     car = rough_car(frequency=0.2, cycles=10, triangle=False)
-    left, right = weave(car), weave(mirrored(car))
-    for name, value in left.items():
-        assert right[name].value == pytest.approx(value.value, rel=1e-6, abs=1e-9), name
+    check_alike(car, mirrored(car), "weave", rel=1e-6, abs=1e-9)
 
 
 def test_offsets_and_pauses_drop_out():
@@ -126,15 +125,13 @@ def test_offsets_and_pauses_drop_out():
     pause = int(7.3 * RATE)
     time = np.arange(clean.time.size + 2 * pause) / RATE
     paused = Recording(time, {n: np.pad(v, pause, mode="edge") for n, v in clean.channels.items()}, clean.units)
+    check_alike(clean, paused, "weave", rel=1e-3)
     offset = changed(
         clean,
         handwheel_torque=clean["handwheel_torque"] + 0.1,
         lateral_acceleration=clean["lateral_acceleration"] + 0.05,
     )
-    plain, after_pause, shifted = weave(clean), weave(paused), weave(offset)
-    for name, value in plain.items():
-        assert after_pause[name].value == pytest.approx(value.value, rel=1e-3), name
-        assert shifted[name].value == pytest.approx(value.value, rel=1e-2), name
+    check_alike(clean, offset, "weave", rel=1e-2)
 
 
 def test_cycles_of_growing_amplitude_are_left_out():
@@ -142,16 +139,11 @@ def test_cycles_of_growing_amplitude_are_left_out():
 
     Growth over three keeps one of 83 % amplitude among nine: 4 % for what goes with the amplitude squared.
     """
-    steady, clean = weave(linear_car()), linear_car(cycles=12)
+    clean = linear_car(cycles=12)
     for growth, tolerance in ((5.0, 1e-3), (15.0, 4e-2)):
         size = np.clip(clean.time / growth, 0, 1)
-        grown = weave(changed(clean, **{n: size * clean[n] for n in clean.channels if n != "vehicle_speed"}))
-        for name, value in grown.items():
-            assert value.value == pytest.approx(steady[name].value, rel=tolerance), name
-
-
-def refusals(recording, **options):
-    return {name: value.reason for name, value in weave(recording, **options).items() if value.reason}
+        grown = changed(clean, **{n: size * clean[n] for n in clean.channels if n != "vehicle_speed"})
+        check_alike(linear_car(), grown, "weave", rel=tolerance)
 
 
 @pytest.mark.parametrize(
@@ -176,9 +168,7 @@ def refusals(recording, **options):
     ],
 )
 def test_refused_altogether(car, reason):
-    refused = refusals(car)
-    assert refused.keys() == set(metrics.available("weave"))
-    assert all(reason in text for text in refused.values()), refused
+    check_refused(car, reason)
 
 
 def test_refused_one_by_one():
@@ -188,9 +178,7 @@ def test_refused_one_by_one():
     assert {"torque_at_0g", "steering_stiffness", "loop_area", "peak_handwheel_torque"} <= swapped.keys()
     assert {"yaw_rate_gain", "angle_hysteresis", "peak_handwheel_angle"}.isdisjoint(swapped)
     assert swapped["loop_area"].startswith("handwheel_torque does not follow handwheel_angle: check the signs")
-    burst = clean["yaw_rate"].copy()
-    burst[2000:2010] = np.nan
-    missing = refusals(changed(clean, yaw_rate=burst))
+    missing = refusals(burst(clean, "yaw_rate"))
     assert missing.keys() == {"yaw_rate_gain", "yaw_lag"}
     assert "'yaw_rate' has samples that are not finite" in missing["yaw_lag"]
     missing = refusals(clean.without("yaw_rate"))
@@ -226,7 +214,7 @@ def test_a_level_that_is_not_crossed_is_refused():
 def test_wrong_unit_is_refused():
     clean = linear_car()
     wrong = Recording(clean.time, clean.channels, {**clean.units, "handwheel_angle": "1"})
-    assert refusals(wrong)["yaw_lag"] == "handwheel_angle is in '1': give it in 'rad'"
+    assert refusals(wrong, "weave")["yaw_lag"] == "handwheel_angle is in '1': give it in 'rad'"
 
 
 def test_two_cycles_do_for_a_slow_ramp_and_three_for_a_weave():

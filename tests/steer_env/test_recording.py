@@ -8,8 +8,7 @@ import pytest
 from scipy import signal
 
 from steer_env.recording.recording import DEGREE, Recording
-
-UNITS = {"handwheel_angle": "rad", "handwheel_torque": "N m", "lateral_acceleration": "m/s2", "yaw_rate": "rad/s"}
+from tests.steer_env.recorded import UNITS
 
 
 @pytest.fixture

@@ -13,20 +13,15 @@ from hypothesis import strategies as st
 from steer_env import metrics
 from steer_env.recording.files import FORMATS, read, write
 from steer_env.recording.recording import DEGREE, FILE_UNITS, Recording, require_moderate
+from tests.steer_env.recorded import UNITS, made_weave
 
-UNITS = {"handwheel_angle": "rad", "handwheel_torque": "N m", "lateral_acceleration": "m/s2", "yaw_rate": "rad/s"}
 SUFFIXES = [*FORMATS]
 
 
 @pytest.fixture
 def weave():
-    """A weave whose torque and yaw rate lead and lag, so that there are metrics to read."""
-    time = np.arange(5001) / 100
-    phase = 2 * np.pi * 0.2 * time
-    channels = dict(
-        zip(UNITS, (0.3 * np.sin(phase), 3 * np.sin(phase + 0.2), 2 * np.sin(phase - 0.2), np.sin(phase - 0.1) / 10))
-    )
-    return Recording(time, channels, UNITS, {"manoeuvre": "weave", "speed_kph": 100.0, "cycles": 5, "mirrored": False})
+    meta = {"manoeuvre": "weave", "speed_kph": 100.0, "cycles": 5, "mirrored": False}
+    return dataclasses.replace(made_weave(), meta=meta)
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
@@ -216,10 +211,6 @@ def test_interrupted_write_leaves_the_old_file(weave, tmp_path, monkeypatch, ste
     [
         ("", r"no header: expected a line that names the columns, time_s or Time \[s\] among them"),
         (
-            "yaw_rate_deg_s,t\n1,0\n2,1\n",
-            r"column 't' names no unit, and its steps of 1 are too long for seconds: .* from = \"t\", unit = \"ms\"",
-        ),
-        (
             "time_s,yaw_rate\n0,1\n1,2\n",
             r"column 'yaw_rate' names no unit; .* \[channels.yaw_rate\] from = \"yaw_rate\", unit = \"...\", with",
         ),
@@ -228,9 +219,7 @@ def test_interrupted_write_leaves_the_old_file(weave, tmp_path, monkeypatch, ste
             "time_s|a_deg\n0|1\n1|3\n",
             r"no time among the columns time_s\|a_deg \(only one column: separate columns by , ",
         ),
-        ("time_s,a_deg,b_m\n0,1,2\n1,2,3\n2,3", "line 4, column 'b_m': expected 3 values separated by ',', got 2"),
         ("time_s,a_deg\n0,1\nnan,2\n", "line 3, column 'time_s': expected a finite time"),
-        ("time_s,a_deg\n0,1\n", "line 3, column 'time_s': expected at least two rows, got 1"),
     ],
 )
 def test_what_a_file_is_refused_for(tmp_path, text, message):

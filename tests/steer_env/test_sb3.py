@@ -79,17 +79,6 @@ def test_pictures_reach_its_video_recorder(tmp_path):
     assert list(tmp_path.glob("*.mp4"))
 
 
-def test_seeds_repeat():
-    env = SteerVecEnv(WEAVE, 3)
-    env.seed(5)
-    first = env.reset()
-    env.seed(5)
-    assert np.array_equal(env.reset(), first)
-    assert not np.array_equal(env.step(np.zeros((3, 1), np.float32))[0], first)
-    single = gym.make(WEAVE)
-    assert np.array_equal(first[2], single.reset(seed=7)[0])
-
-
 def test_reset_options_reach_every_sub_environment():
     env = SteerVecEnv(WEAVE, 2)
     env.set_options({"amplitude": 0.1})

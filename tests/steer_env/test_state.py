@@ -174,18 +174,6 @@ def test_what_has_not_begun_is_copied(way):
         one.unwrapped.step(np.zeros(1, np.float32))
 
 
-@pytest.mark.parametrize("name", DRIVEN)
-def test_gymnasiums_own_test_of_pickling(name):
-    """Its ``test_pickle_env``; with seeds, which make the comparison one to the bit."""
-    env = gym.make(name)
-    for _ in range(2):  # before the first reset, and in an episode
-        pickled = pickle.loads(pickle.dumps(env))
-        assert equal(env.reset(seed=1), pickled.reset(seed=1))
-        env.action_space.seed(2)
-        action = env.action_space.sample()
-        assert equal(env.step(action), pickled.step(action))
-
-
 @pytest.mark.parametrize("way", [by_pickle, by_deepcopy])
 def test_a_tuning_environment_is_copied_in_an_episode(way):
     """A set tried, and with it the best one so far; the prepared tests are not searched for again."""

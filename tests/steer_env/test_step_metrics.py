@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from steer_env import metrics
-from tests.steer_env.checks import burst, check, refusals
+from tests.steer_env.checks import burst, check, check_alike, check_refused, refusals
 from tests.synthetic.recordings import changed, mirrored
 from tests.synthetic.step import SIZE, SPEED, YAW, step_answers, steps
 
@@ -25,12 +25,9 @@ def test_every_step_is_a_repeat_and_a_return_is_none():
 def test_sides_and_offsets():
     """The mirror image is the same; offsets of the sensors drop out, that of the torque as both sides count."""
     clean = steps(100.0)
-    plain, right = metrics.evaluate(clean), metrics.evaluate(mirrored(clean))
     offset = changed(clean, **{n: clean[n] + 0.05 for n in clean.channels if n != "vehicle_speed"})
-    shifted = metrics.evaluate(offset)
-    for name, value in plain.items():
-        assert right[name].value == pytest.approx(value.value, rel=1e-6), name
-        assert shifted[name].value == pytest.approx(value.value, rel=1e-6), name
+    for other in (mirrored(clean), offset):
+        check_alike(clean, other, rel=1e-6)
 
 
 def test_sideslip_from_speeds():
@@ -53,17 +50,13 @@ def test_sideslip_from_speeds():
     ],
 )
 def test_refused_altogether(bad, reason):
-    refused = refusals(bad)
-    assert refused.keys() == set(metrics.available("step-steer"))
-    assert all(reason in text for text in refused.values()), refused
+    check_refused(bad, reason)
 
 
 def test_refused_at_another_level():
     clean = steps(100.0)
     for size, reason in ((0.3, "below 0.15 g: steer further"), (2.0, "above 0.65 g: steer less far")):
-        level = refusals(changed(clean, lateral_acceleration=size * clean["lateral_acceleration"]))
-        assert level.keys() == set(metrics.available("step-steer"))
-        assert all(reason in text for text in level.values())
+        check_refused(changed(clean, lateral_acceleration=size * clean["lateral_acceleration"]), reason)
 
 
 def test_refused_one_by_one():

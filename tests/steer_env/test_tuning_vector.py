@@ -104,17 +104,11 @@ def test_make_vec_has_no_warning_and_its_specification_makes_it_again():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "error", "message"),
-    [
-        ({"num_envs": 0}, ValueError, "num_envs must be a whole number of at least 1"),
-        ({"workers": 0}, ValueError, "workers must be a whole number of at least 1"),
-        ({"max_episode_steps": 0}, ValueError, "max_episode_steps must be a whole number of at least 1"),
-        ({"frictoin": "lugre"}, TypeError, "unexpected keyword argument 'frictoin'"),
-    ],
+    "arguments", [{"num_envs": 0}, {"num_envs": 2, "workers": 0}, {"num_envs": 2, "max_episode_steps": 0}]
 )
-def test_bad_arguments(arguments, error, message):
-    with pytest.raises(error, match=message):
-        gym.make_vec(ON_CENTRE, **{"num_envs": 2, **arguments})
+def test_bad_arguments(arguments):
+    with pytest.raises(ValueError, match=f"{[*arguments][-1]} must be a whole number of at least 1"):
+        gym.make_vec(ON_CENTRE, **arguments)
 
 
 def test_bad_calls():

@@ -103,22 +103,6 @@ def test_every_way_to_the_vehicle_gives_the_same_bits(unit, tmp_path):
             UdpVehicle(server.layout, server.address)
 
 
-def test_a_chassis_drives_at_another_speed_than_that_of_its_export(unit, tmp_path):
-    """To the bit as one that was exported at that speed."""
-    slow = fmu.export(tmp_path / "slow.fmu", subsystem="chassis", speed=20.0)
-    p, found = CAR.plant("lugre", 20.0), []
-    for path in (unit, slow):
-        vehicle = FmuVehicle(path)
-        coupled = Coupled(vehicle, 20.0, Coupling())
-        state, row = coupled.settled(p)
-        record = np.zeros((1000, row.size))
-        coupled.run(p, state, hard_sine(1000), record, 1)
-        vehicle.close()
-        found.append(record)
-    assert np.array_equal(found[0], found[1], equal_nan=True)
-    assert np.ptp(found[0][:, plant.CHANNEL["lateral_acceleration"]]) > 0.5
-
-
 def test_a_vehicle_behind_a_silent_port_is_told(unit):
     with Server(subsystems.make("chassis", CAR.plant("lugre", SPEED), SPEED)) as server:
         vehicle = UdpVehicle(server.layout, server.address, SPEED)

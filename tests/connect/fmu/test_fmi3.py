@@ -165,23 +165,6 @@ def test_it_starts_at_the_speed_that_is_set(exported, opened):
     assert np.array_equal(bits(found), bits(record[-1]))
 
 
-def test_fmpy_simulates(exported):
-    chassis, path = exported
-    found = fmpy.simulate_fmu(
-        str(path),
-        stop_time=0.2,
-        step_size=STEP,
-        output_interval=STEP,
-        start_values={"robot": False, "hand_torque": 2.0},
-    )
-    p = cars.load("compact").plant("lugre", chassis=chassis)
-    u = np.zeros((200, len(plant.INPUTS)))
-    u[:, plant.HAND] = 2.0
-    record = np.zeros((200, len(plant.channels(p))))
-    plant.run(p, plant.initial_state(p), u, record, 1)
-    assert found["handwheel_angle"][-1] == pytest.approx(record[-1, 0], rel=1e-12)
-
-
 def test_a_c_importer_and_valgrind_find_nothing(tmp_path):
     if shutil.which("valgrind") is None:
         pytest.skip("valgrind is not installed")

@@ -85,11 +85,11 @@ def tune(direct, sequence, name, value, **fields):
 
 def test_a_parameter_that_is_tuned_is_that_of_another_plant():
     """A torsion bar that is stiffer from the first step on is a plant made with it; a new session has the old one."""
-    stiff = Direct(friction="dahl")
+    stiff = Direct(friction="lugre")
     p = stiff.subsystem.parameters
     stiff.model = model_of(stiff.subsystem._replace(parameters=p._replace(column=p.column._replace(K_tb=200.0))))
-    plain = Direct(friction="dahl")
-    direct = Direct(friction="dahl", tuned=True)
+    plain = Direct(friction="lugre")
+    direct = Direct(friction="lugre", tuned=True)
     direct.ask("open", 0), stiff.ask("open", 0), plain.ask("open", 0)
     number, answer = tune(direct, 1, "column.K_tb", 200.0)
     assert (answer["kind"], answer["samples"], answer["time"]) == (KINDS["tuned"], number, 0.0)

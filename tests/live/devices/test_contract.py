@@ -1,4 +1,4 @@
-"""What every device keeps, whatever is below it: signs, units, an end of the torque, and what it says when it fails."""
+"""What every device keeps: options, signs, units, an end of the torque, and what it says when it fails."""
 
 import math
 
@@ -28,6 +28,32 @@ with_motor = pytest.mark.parametrize("stage", MOTORS, indirect=True)
 
 def test_every_device_is_here():
     assert set(STAGES) == set(devices.available())
+
+
+@pytest.mark.parametrize("name", devices.available())
+def test_every_option_has_a_default_and_a_name_that_is_told(name):
+    known = devices.options(name)
+    assert "clock" not in known
+    device = devices.make(name)
+    assert device.name == name
+    assert device.hands in ("angle", "torque")
+    assert device.about
+    with pytest.raises(ValueError, match=f"the device {name} has no option 'colour'; it has "):
+        devices.make(name, colour="red")
+
+
+def test_unknown_devices_are_told():
+    with pytest.raises(ValueError, match=r"unknown device 'hovercraft'; available: .*fake, .*keyboard"):
+        devices.make("hovercraft")
+
+
+def test_options_are_taken_as_text():
+    made = devices.make("fake", max_torque="3.5", bits="14")
+    assert made.max_torque == 3.5
+    with pytest.raises(ValueError, match="max_torque must be a number, got 'much'"):
+        devices.make("fake", max_torque="much")
+    with pytest.raises(ValueError, match="bits must be"):
+        devices.make("fake", bits="14.5")
 
 
 @every

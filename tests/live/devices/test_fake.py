@@ -6,23 +6,12 @@ import numpy as np
 import pytest
 
 from steer_env.live import devices
-
-MS = 1_000_000  # [ns]
-
-
-class Simulated:
-    """A clock that moves when it is told to."""
-
-    def __init__(self):
-        self.now = 10**12
-
-    def __call__(self):
-        return self.now
+from tests.live.devices.stages import MS, Clock
 
 
 def opened(**options):
     """A fake wheel with a simulated clock, open."""
-    clock = Simulated()
+    clock = Clock()
     return devices.make("fake", clock=clock, **options).__enter__(), clock
 
 

@@ -79,10 +79,15 @@ def test_rows_are_means_and_the_speed_is_that_of_the_way(tmp_path):
     assert driven.meta["manoeuvre"] == "weave"
 
 
-def test_no_file_is_ever_overwritten(tmp_path):
-    (tmp_path / "drive-0007.csv").write_text("mine")
+@pytest.fixture
+def columns():
+    """Those of a drive of one configuration."""
     configurations = CarConfigurations([car_configuration("lugre", cars.load("compact"))[0]])
-    columns = columns_of(configurations.subsystem, RealTime(configurations, Mailboxes(configurations).device).recorder)
+    return columns_of(configurations.subsystem, RealTime(configurations, Mailboxes(configurations).device).recorder)
+
+
+def test_no_file_is_ever_overwritten(columns, tmp_path):
+    (tmp_path / "drive-0007.csv").write_text("mine")
     made = [new_file(tmp_path, columns, {})[0].name for _ in range(2)]
     assert made == ["drive-0008.csv", "drive-0009.csv"]
     assert (tmp_path / "drive-0007.csv").read_text() == "mine"
@@ -90,15 +95,7 @@ def test_no_file_is_ever_overwritten(tmp_path):
         Appended(tmp_path / "drive-0007.csv", CHANNELS, {})
 
 
-def test_a_folder_that_takes_no_file_is_named_with_a_remedy(tmp_path):
-    (tmp_path / "taken").write_text("a file")
-    with pytest.raises(OSError, match=r"taken .*choose another directory"):
-        new_file(tmp_path / "taken", [], {})
-
-
-def test_lost_samples_leave_a_gap(tmp_path):
-    configurations = CarConfigurations([car_configuration("lugre", cars.load("compact"))[0]])
-    columns = columns_of(configurations.subsystem, RealTime(configurations, Mailboxes(configurations).device).recorder)
+def test_lost_samples_leave_a_gap(columns, tmp_path):
     path, file = new_file(tmp_path, columns, {})
     log, rows = Log(columns, file), np.zeros((100, 60))
     log.add(rows, 50)

@@ -213,14 +213,6 @@ def test_a_full_disk_ends_the_drive_with_a_sentence(tmp_path, monkeypatch):
     assert driven(drive).time.size > 10
 
 
-def test_without_readings_the_torque_fades_and_the_drive_goes_on(tmp_path):
-    drive = session(tmp_path, make("fake", faults="silent@0.5"))
-    with drive:
-        until(lambda: drive.time() > 0.8 and drive.shown().phase == "off")
-    assert not drive.failure
-    assert driven(drive)["wheel_torque"][-1] == 0.0
-
-
 def test_there_is_no_torque_without_the_dead_man_key(tmp_path):
     drive = session(tmp_path, Let(), dead_man=True)
     with drive:

@@ -10,7 +10,6 @@ from steer_env.live.drive.scene import COURSES, FIRST, Scene
 from steer_env.live.drive.shown import ConfigurationInfo, History, Shown
 from steer_env.live.drive.window import DIAL, HEALTH, HEIGHT, LOOP, ROAD, WIDTH, Window
 from steer_env.live.real_time.safety import PHASES
-from steer_env.rendering.canvas import Canvas, NoWindowError
 from steer_env.rendering.panels import COLOURS, CONE, TOUCHED, WANTED, Pose
 from steer_env.vehicle import cars
 from steer_env.vehicle.plant import CHANNEL, CHANNELS
@@ -173,10 +172,3 @@ def test_a_window_shows_frames_and_tells_its_close(monkeypatch):
         assert made.events()[1]
     finally:
         made.close()
-
-
-def test_without_a_display_nothing_is_drawn_where_nobody_sees_it(monkeypatch):
-    for name in ("SDL_VIDEODRIVER", "DISPLAY", "WAYLAND_DISPLAY"):
-        monkeypatch.delenv(name, raising=False)
-    with pytest.raises(NoWindowError, match="needs a window, and there is none"):
-        Canvas(64, 64).open("nothing")
