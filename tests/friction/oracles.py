@@ -1,7 +1,7 @@
 """Closed forms of the friction laws: the error of the kernels against each, and its limit.
 
-Work is summed from exact step means, so where a limit is 1e-11 or less only rounding contributes. The tests and
-``python -m tests.maintain verify friction`` evaluate the errors.
+Work is summed from exact step means, so where a limit is 1e-11 or less only rounding contributes.
+``python -m tests.maintain verify friction`` evaluates the errors.
 """
 
 import math
@@ -17,6 +17,7 @@ from steer_env.friction import law
 from steer_env.friction.models.gms import level as gms_level
 from steer_env.friction.models.lugre import saturation
 from steer_env.friction.models.masing import Masing, virgin_torque
+from steer_env.testing.histories import at_rest
 
 Array = NDArray[np.float64]
 
@@ -47,11 +48,6 @@ ACTIVE = friction.make("lugre", sigma_1=2.0, sigma_2=0.1, F_c=0.9, F_s=1.5, v_s=
 # Binary fractions, with which sums of displacements are exact, so that results must be equal to the bit.
 DYADIC = friction.make("masing", k=[64.0, 32.0, 16.0, 8.0], y=[1 / 512, 1 / 256, 3 / 256, 1 / 32])
 RATIOS = (0.1, 1.0, 10.0)  # amplitude over pre-sliding distance
-
-
-def at_rest(p: Any) -> Array:
-    """Memory of a law at rest."""
-    return np.zeros(law.law_of(p).memory_size(p))
 
 
 def _cycle(p: Any, memory: Array, displacements: Array, speed: float) -> float:

@@ -8,7 +8,8 @@ import pytest
 from steer_env import friction
 from steer_env.friction import law
 from steer_env.friction.models.masing import Masing, from_virgin_curve, virgin_torque
-from tests.friction.oracles import DYADIC, at_rest, exponential
+from steer_env.testing.histories import at_rest
+from tests.friction.oracles import DYADIC, exponential
 
 
 def mean_torque(p, memory, w, h):

@@ -13,6 +13,7 @@ from steer_env import friction
 from steer_env.friction import gear, law, sites
 from steer_env.friction.level import Level
 from steer_env.testing import friction_law
+from steer_env.testing.histories import at_rest
 from steer_env.vehicle import cars, step_limit
 from steer_env.vehicle.steering import column
 from steer_env.vehicle.steering.assist import friction_compensation
@@ -21,10 +22,6 @@ C = column.make(C1=0.05)
 LAWS = friction.available()
 PAIRS = list(zip(LAWS[:6], LAWS[5:]))  # above and below the bar: every law at one of them
 ROAD = 20.0  # stiffness of a road spring at the column [N m/rad]
-
-
-def at_rest(p):
-    return np.zeros(law.law_of(p).memory_size(p))
 
 
 def driven(p, torque, h, steps, load=0.0, motor=0.0, q=None):
@@ -220,17 +217,6 @@ def test_what_is_refused(given, message):
         friction.resolve(given)
 
 
-def test_a_mapping_repeats_the_sites():
-    given = {
-        "upper_column": {"law": "coulomb", "F_c": 0.05, "asymmetry": 0.1},
-        "gear": {"law": "masing", "elements": 4, "efficiency": [0.9, 0.85], "temperature_rate": 0.01},
-        "rack": {"law": "lugre", "load": 2e-4},
-    }
-    p = friction.resolve(given)
-    again = friction.resolve(friction.as_mapping(p))
-    assert repr(again) == repr(p)
-
-
 @pytest.mark.parametrize(
     "check",
     [
@@ -261,7 +247,7 @@ def test_sites_as_text():
 @pytest.mark.parametrize(
     "given",
     [
-        "masing,elements=4,efficiency=0.9:0.85@gear+coulomb,F_c=0.05@upper_column",
+        "masing,elements=4,efficiency=0.9:0.85@gear+coulomb,F_c=0.05,asymmetry=0.1@upper_column",
         {"gear": {"law": "masing", "efficiency": {"lead_angle": 0.25, "friction_coefficient": 0.05}}, "rack": "gms"},
         {
             "lower_column": {"law": "lugre", "F_s": 1.2, "allow_active": True, "load": 2e-4},
@@ -270,9 +256,9 @@ def test_sites_as_text():
         friction.resolve("dahl,F_c=0.3@upper_column+masing,efficiency=0.9@gear"),
     ],
 )
-def test_text_repeats_the_sites(given):
-    text = sites.as_text(given)
-    assert repr(friction.resolve(text)) == repr(friction.resolve(given))
+def test_text_and_mapping_repeat_the_sites(given):
+    text, p = sites.as_text(given), friction.resolve(given)
+    assert repr(friction.resolve(text)) == repr(friction.resolve(friction.as_mapping(p))) == repr(p)
     assert sites.as_text(text) == text
 
 
@@ -287,11 +273,6 @@ def test_what_was_left_out_follows_what_is_varied():
         friction.varied("coulomb@gear+coulomb@rack", {3: 1.0})
     with pytest.raises(ValueError, match=r"all sites of column_eps: name its parameter .* got 'gear.F_c'"):
         friction.varied("lugre@column_eps", {"gear.F_c": 0.3})
-
-
-def test_an_unknown_site_of_a_mapping_is_told_with_those_that_there_are():
-    with pytest.raises(ValueError, match=r"a site of friction must be one of upper_column, .* got 'worm'"):
-        friction.resolve({"worm": "lugre"})
 
 
 def test_a_stiff_bar_with_sticking_sites_is_solved():

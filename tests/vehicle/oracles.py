@@ -1,4 +1,4 @@
-"""Published and independent values that tests and ``python -m tests.maintain verify`` compare the models with."""
+"""Published and independent values that ``python -m tests.maintain verify`` compares the models with."""
 
 import numpy as np
 from numpy.typing import NDArray

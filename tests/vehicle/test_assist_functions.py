@@ -289,7 +289,9 @@ def test_response_has_the_functions():
 
 
 def test_states_are_named_and_rows_run_alone():
-    p = compact(**EVERY, friction_law="masing").plant("masing", V)
+    """With the limits of the motor too, which warms up."""
+    weak = {"motor_speeds": [0.0, 400.0], "motor_torques": [0.1, 0.0], "motor_continuous": 0.05}
+    p = compact(**EVERY, **weak, friction_law="masing").plant("masing", V)
     assert isinstance(p.assist.functions, Functions)
     names, at = [name for name, _ in states(p)], layout_of(p)
     assert len(names) == len(set(names)) == size_of(p)
@@ -305,6 +307,8 @@ def test_states_are_named_and_rows_run_alone():
     assert np.array_equal(many[0], state)
     assert np.array_equal(channels, record)
     assert np.all(state[at.functions : at.functions + functions.FRICTION + 3] != 0.0)
+    assert 0.0 < np.abs(record[0, plant.CHANNEL["motor_torque"]]) <= eps.available(p.assist, 0.0)
+    assert state[at.motor] > 0.0
 
 
 def evaluated(car, test, law="lugre"):

@@ -1,4 +1,4 @@
-"""The linear single track: closed form against simulation, and both chassis against it for small inputs."""
+"""The linear single track: closed form against simulation, and the single track against it for small inputs."""
 
 import math
 
@@ -6,8 +6,7 @@ import control
 import numpy as np
 import pytest
 
-from steer_env import friction
-from steer_env.vehicle import cars, plant
+from steer_env.vehicle import cars
 from steer_env.vehicle.analysis import linear
 from tests.vehicle.test_single_track import linearised
 
@@ -16,9 +15,6 @@ C = CAR.chassis
 L = C["front_axle"] + C["rear_axle"]
 KPH = 1.0 / 3.6
 STEER = CAR.steering["pinion_radius"] * float(CAR.strut.solve(0.0, 0.0).per_rack.rotation[..., 2])
-REAR = {"front_cornering_stiffness_factor": 1.2, "rear_cornering_stiffness_factor": 1.5}
-REAR |= {"rear_bump_steer": -0.1, "rear_camber_gain": 0.4, "rear_lateral_compliance": 5e-7}
-STEERED = CAR._replace(chassis={**C, **REAR})  # with every effect at the rear axle
 
 
 def understeer(model, gains):
@@ -74,24 +70,3 @@ def test_single_track_agrees(v):
     for hertz, within in ((0.05, 0.002), (0.2, 0.02)):
         s = 2j * math.pi * hertz
         np.testing.assert_allclose(np.abs(full(s)[:2, 0] / per_rack / model(s)[1:, 0]), 1.0, atol=within)
-
-
-def settled(car, chassis, v, angle):
-    """Gains of yaw rate and lateral acceleration over the road-wheel angle of the pinion at the end of a small ramp."""
-    p = car.plant(friction.make("viscous", sigma_2=0.0), v, robot=True, chassis=chassis)
-    u, t = np.zeros((15_000, len(plant.INPUTS))), np.minimum(np.arange(1, 15_001) * 1e-3, 1.0)
-    u[:, plant.HAND] = angle * (t - np.sin(2.0 * math.pi * t) / (2.0 * math.pi))
-    u[:, plant.HAND_SPEED] = angle * (1.0 - np.cos(2.0 * math.pi * t))
-    row = np.zeros((1, len(plant.channels(p))))
-    assert plant.run(p, plant.initial_state(p), u, row, 1)
-    row = dict(zip((name for name, _ in plant.channels(p)), row[0]))
-    delta = car.steering_gain() * row["column_angle"]
-    return np.array([row[name] for name in ("yaw_rate", "lateral_acceleration", "lateral_speed")]) / delta
-
-
-@pytest.mark.parametrize("car", [CAR, STEERED], ids=["compact", "rear axle that steers"])
-def test_understeer_of_a_car(car):
-    """At 100 km/h, from 15 s of simulation at 0.03 m/s2."""
-    v = 100.0 * KPH
-    found = understeer(linear.from_car(car, v), settled(car, "single_track", v, 3e-3))
-    assert found == pytest.approx(linear.from_car(car, v).understeer_gradient(), rel=1e-3)

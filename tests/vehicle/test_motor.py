@@ -1,6 +1,5 @@
 """The limits of the motor: curve, supply, temperature, and the handwheel speed at which they are met."""
 
-import gymnasium as gym
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -125,25 +124,3 @@ def test_keys_give_the_limits_again():
     a = eps.make(**CURVE, motor_voltage=0.9, motor_power=300.0, motor_continuous=2.0, motor_thermal_time=90.0)
     for one, other in zip(eps.make(**eps.keys(a)).motor, a.motor):
         assert one == pytest.approx(other, rel=1e-11)
-
-
-@pytest.mark.filterwarnings("ignore:car mapping. boost")
-def test_rows_and_single_environments_meet_the_limits_alike():
-    name, actions = "steer_env/DriverParking-v3", np.full((6, 1), 1.0, np.float32)
-    limits = {
-        **CURVE,
-        "motor_torques": [0.4, 0.2, 0.1, 0.1, 0.0, 0.0],
-        "motor_continuous": 0.1,
-        "motor_thermal_time": 1.0,
-    }
-    given = {"vehicle": {"base": "compact", "assist": limits}}
-    single = gym.make(name, **given)
-    batch = gym.make_vec(name, num_envs=2, vectorization_mode="vector_entry_point", **given)
-    seen = [(single.reset(seed=1)[0], batch.reset(seed=[1, 2])[0][0])]
-    for a in actions:
-        seen.append((single.step(a)[0], batch.step(np.array([a, a]))[0][0]))
-    for one, row in seen:
-        np.testing.assert_array_equal(one, row)
-    plain_car = gym.make(name)
-    plain_car.reset(seed=1)
-    assert not np.array_equal([plain_car.step(a)[0] for a in actions][-1], seen[-1][0])

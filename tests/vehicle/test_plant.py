@@ -10,18 +10,18 @@ from scipy.integrate import DOP853
 from steer_env import friction
 from steer_env.friction.law import law_of, rate, torque
 from steer_env.friction.level import Level
+from steer_env.friction.numerics.kernel import plain
 from steer_env.vehicle import cars, plant
 from steer_env.vehicle.analysis import free_control
-from steer_env.vehicle.chassis import single_track
-from steer_env.vehicle.chassis.common.interface import COMMON_OUTPUTS, INPUTS
+from steer_env.vehicle.chassis import chassis_of
+from steer_env.vehicle.chassis.common.interface import INPUTS
+from steer_env.vehicle.layout import layout_of
 from steer_env.vehicle.plant import CHANNEL, CHANNELS
 from tests.by_law import EACH_LAW, pairs
 
 CAR = cars.load()
 KPH = 1.0 / 3.6
 T = 1e-3
-NAMES = [name for name, _ in plant.states(CAR.plant())]
-CHASSIS = slice(NAMES.index("lateral_speed"), NAMES.index("y") + 1)
 
 
 def run(p, u, substeps=1, state=None):
@@ -51,19 +51,21 @@ def weave(robot, n=2000):
     return u
 
 
-def reference(p, u, robot):
-    """The continuous plant, with the sampled controller, by DOP853 at 1e-10, segment by segment between its events."""
+def reference(p, u, robot, state=None):
+    """The continuous plant, with the sampled controller, by DOP853 at 1e-10, segment by segment between its events.
+
+    Of either chassis, without a locked wheel and without a change of gear.
+    """
     c, a, n_memory = p.column, p.assist, law_of(p.friction).memory_size(p.friction)
-    table = [[np.interp(p.chassis.v_x, a.speeds, a.boost[:, j]) for j in range(a.torques.size)], a.torques]
-    damping = np.interp(p.chassis.v_x, a.speeds, a.damping)
-    dx, out, dz = np.empty(len(single_track.STATES)), np.empty(len(COMMON_OUTPUTS)), np.empty(n_memory)
-    last = 5 + dx.size
+    kind, first = chassis_of(p.chassis), layout_of(p).chassis
+    last = 5 + len(kind.states)
+    dx, out, dz = np.zeros(len(kind.states)), np.zeros(len(kind.outputs)), np.zeros(n_memory)
 
     def rates(t, y, row, command):
         """Derivative of handwheel, column, motor, chassis, friction; and hand torque, rack force, friction torque."""
         th1, v1, th2, v2, T_m = y[:5]
-        rack = p.pinion_radius * th2
-        force = single_track.derivative(p.chassis, p.strut, p.tyre[0], y[5:last], rack, 0.0, row, dx, out)
+        motion = p.pinion_radius * th2, p.pinion_radius * v2
+        force = kind.derivative(p.chassis, p.strut, p.tyre[0], y[5:last], *motion, row, dx, out)
         F = force + row[plant.RACK_DISTURBANCE]
         scale = 1.0 + p.level.load * abs(F)
         T_F = torque(p.friction, scale, y[last:], v2)
@@ -81,7 +83,7 @@ def reference(p, u, robot):
 
     def integrate(t, end, y, row, command):
         step = end - t
-        solver = DOP853(lambda t, y: rates(t, y, row, command)[0], t, y, end, rtol=1e-10, atol=1e-13, first_step=step)
+        solver = DOP853(lambda t, y: rates(t, y, row, command)[0], t, y, end, rtol=1e-10, atol=1e-12, first_step=step)
         while solver.status == "running":
             solver.step()
         y, force = solver.y, rates(end, solver.y, row, command)[1][1]
@@ -90,28 +92,26 @@ def reference(p, u, robot):
         most = scale * p.friction.F_s / p.friction.sigma_0
         return np.append(y[:last], np.clip(y[last:], -most, most))
 
-    y = np.concatenate([np.zeros(5), plant.initial_state(p)[CHASSIS], np.zeros(n_memory)])
+    state = plant.initial_state(p) if state is None else state
+    y = np.concatenate([np.zeros(5), state[first : first + dx.size], np.zeros(n_memory)])
     queue, lead_in, lead_out = [0.0] * (a.delay + 2), 0.0, 0.0
-    record = np.empty((len(u), len(CHANNELS)))
+    record = np.empty((len(u), len(plant.channels(p))))
     for i, row in enumerate(u):
-        hand = robot_angle(i * T) if robot else y
+        v, hand = abs(plain(kind.speed)(p.chassis, y[5:last])), robot_angle(i * T) if robot else y
         twist = c.K_tb * (hand[0] - y[2])
-        boost = math.copysign(np.interp(abs(twist), table[1], table[0]), twist)
+        boost = [np.interp(v, a.speeds, a.boost[:, j]) for j in range(a.torques.size)]
+        boost = math.copysign(np.interp(abs(twist), a.torques, boost), twist)
         lead_out = a.lead_b0 * boost + a.lead_b1 * lead_in - a.lead_a1 * lead_out
         lead_in = boost
-        request = lead_out - damping * y[3] + row[plant.ASSIST_REQUEST]
+        request = lead_out - np.interp(v, a.speeds, a.damping) * y[3] + row[plant.ASSIST_REQUEST]
         queue = [min(max(request, -a.limit), a.limit), *queue[:-1]]
         y = integrate(i * T, i * T + a.offset, y, row, queue[-1])
         y = integrate(i * T + a.offset, (i + 1) * T, y, row, queue[-2])
         end = (i + 1) * T
         _, (T1, force, T_F) = rates(end, y, row, queue[-2])
         hand = robot_angle(end) if robot else y
-        x = dict(zip(NAMES[CHASSIS], y[5:last]))
-        record[i, : len(CHANNELS) - out.size] = [
-            *(hand[0], hand[1], T1, y[2], y[3], c.K_tb * (hand[0] - y[2]), y[4], T_F, force),
-            *(x["lateral_speed"], x["yaw_rate"], x["roll_angle"], x["yaw_angle"], x["x"], x["y"], x["drive_force"]),
-        ]
-        record[i, len(CHANNELS) - out.size :] = out
+        record[i, :9] = [hand[0], hand[1], T1, y[2], y[3], c.K_tb * (hand[0] - y[2]), y[4], T_F, force]
+        kind.report(p.chassis, y[5:last], out, out, 0.0, row, record[i, 9:])
     return record
 
 

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from scipy.integrate import DOP853
 
-from steer_env.friction.law import law_of, rate, torque
 from steer_env.vehicle import cars, plant, road, tyre
 from steer_env.vehicle.chassis import two_track
 from steer_env.vehicle.chassis.common.interface import (
@@ -44,7 +43,7 @@ from steer_env.vehicle.constants import GRAVITY as G
 from steer_env.vehicle.plant import HAND, HAND_SPEED
 from steer_env.vehicle.suspension.macpherson import load_coefficients, mirrored
 from tests.by_law import EACH_LAW
-from tests.vehicle.test_plant import robot_angle, weave
+from tests.vehicle.test_plant import reference, weave
 
 CAR = cars.load()
 C = CAR.chassis
@@ -577,61 +576,9 @@ def test_every_law_mirrors_exactly(law):
         np.testing.assert_array_equal(mirrored, sign * record[:, [CHANNEL[name] for name in swap]])
 
 
-def reference(p, u, state=None):
-    """The continuous plant, with the sampled controller, by DOP853 at 1e-10; no locked wheel, no change of gear."""
-    c, a, n_memory = p.column, p.assist, law_of(p.friction).memory_size(p.friction)
-    dx, out, dz, row = np.zeros(len(STATES)), np.zeros(len(OUTPUTS)), np.zeros(n_memory), np.zeros(len(CHANNEL))
-    last = 5 + dx.size
-
-    def rates(t, y, u, command):
-        th2, v2, T_m = y[2:5]
-        motion = p.pinion_radius * th2, p.pinion_radius * v2
-        force = two_track.derivative(p.chassis, p.strut, p.tyre[0], y[5:last], *motion, u, dx, out)
-        F = force + u[plant.RACK_DISTURBANCE]
-        scale = 1.0 + p.level.load * abs(F)
-        T_F = torque(p.friction, scale, y[last:], v2)
-        rate(p.friction, scale, y[last:], v2, dz)
-        th1, v1, a1 = robot_angle(t)
-        bar = c.K_tb * (th1 - th2) + c.C_tb * (v1 - v2)
-        T1 = c.I1 * a1 + c.C1 * v1 + bar
-        a2 = (bar - c.C2 * v2 + T_m - p.pinion_radius * F - T_F) / c.I2
-        return np.concatenate([[v1, a1, v2, a2, a.bandwidth * (command - T_m)], dx, dz]), (T1, force, T_F)
-
-    def integrate(t, end, y, u, command):
-        solver = DOP853(lambda t, y: rates(t, y, u, command)[0], t, y, end, rtol=1e-10, atol=1e-12, first_step=end - t)
-        while solver.status == "running":
-            solver.step()
-        scale = 1.0 + p.level.load * abs(rates(end, solver.y, u, command)[1][1] + u[plant.RACK_DISTURBANCE])
-        most = scale * p.friction.F_s / p.friction.sigma_0  # the law holds its bristle within break-away
-        return np.append(solver.y[:last], np.clip(solver.y[last:], -most, most))
-
-    state = plant.initial_state(p) if state is None else state
-    y = np.concatenate([np.zeros(5), state[CHASSIS], np.zeros(n_memory)])
-    queue, lead_in, lead_out = [0.0] * (a.delay + 2), 0.0, 0.0
-    record = np.empty((len(u), len(CHANNEL)))
-    for i, now in enumerate(u):
-        v = abs(y[5])
-        twist = c.K_tb * (robot_angle(i * T)[0] - y[2])
-        boost = [np.interp(v, a.speeds, a.boost[:, j]) for j in range(a.torques.size)]
-        boost = math.copysign(np.interp(abs(twist), a.torques, boost), twist)
-        lead_out = a.lead_b0 * boost + a.lead_b1 * lead_in - a.lead_a1 * lead_out
-        lead_in = boost
-        request = lead_out - np.interp(v, a.speeds, a.damping) * y[3] + now[plant.ASSIST_REQUEST]
-        queue = [min(max(request, -a.limit), a.limit), *queue[:-1]]
-        y = integrate(i * T, i * T + a.offset, y, now, queue[-1])
-        y = integrate(i * T + a.offset, (i + 1) * T, y, now, queue[-2])
-        end = (i + 1) * T
-        _, (T1, force, T_F) = rates(end, y, now, queue[-2])
-        hand = robot_angle(end)
-        row[:9] = [hand[0], hand[1], T1, y[2], y[3], c.K_tb * (hand[0] - y[2]), y[4], T_F, force]
-        two_track.report(p.chassis, y[5:last], out, out, 0.0, now, row[9:])
-        record[i] = row
-    return record
-
-
 def errors(p, u, substeps, state=None):
     """Largest error in % of the peak of each channel, and its rms, for each number of substeps."""
-    exact = reference(p, u, state=state)
+    exact = reference(p, u, True, state)
     peak = np.maximum(np.abs(exact).max(axis=0), 1e-12)
     found = [run(p, u, None if state is None else state.copy(), substeps=n)[0] - exact for n in substeps]
     return [100.0 * np.abs(e).max(axis=0) / peak for e in found], [np.sqrt((e**2).mean(axis=0)) / peak for e in found]
@@ -803,7 +750,7 @@ def test_parking(boost, low, high):
     if not boost:
         p = p._replace(assist=p.assist._replace(boost=np.zeros_like(p.assist.boost)))
     lock, w = 0.95 * p.rack_limit / p.pinion_radius, math.radians(60.0)
-    n = round(2.25 * 2.0 * math.pi * lock / w / T)
+    n = round(1.75 * 2.0 * math.pi * lock / w / T)
     t = np.arange(1, n + 1) * T
     u = inputs(n)
     u[:, HAND], u[:, HAND_SPEED] = lock * np.sin(w / lock * t), w * np.cos(w / lock * t)

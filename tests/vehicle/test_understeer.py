@@ -10,10 +10,13 @@ from steer_env import friction
 from steer_env.vehicle import cars, plant, tyre
 from steer_env.vehicle.analysis import linear, understeer
 from steer_env.vehicle.constants import GRAVITY as G
-from tests.vehicle.test_linear import STEERED, settled
 
 V = 100.0 / 3.6
 FREQUENCIES = 0.2, 0.5, 1.0  # [Hz]
+REAR = {"front_cornering_stiffness_factor": 1.2, "rear_cornering_stiffness_factor": 1.5}
+REAR |= {"rear_bump_steer": -0.1, "rear_camber_gain": 0.4, "rear_lateral_compliance": 5e-7}
+STEERED = cars.load()
+STEERED = STEERED._replace(chassis={**STEERED.chassis, **REAR})  # with every effect at the rear axle
 # The tuned compact has the chassis of the compact, and an assist that is compiled by itself.
 CARS = {name: cars.load(name) for name in cars.available() if name != "compact_tuned"}
 CARS["rear axle that steers"] = STEERED
@@ -31,6 +34,19 @@ def test_sum_is_the_gradient_of_the_linear_single_track(name, v):
     assert sum(understeer.budget(CARS[name], v).values()) == pytest.approx(expected, rel=1e-9)
     D_f, D_r = understeer.cornering_compliances(CARS[name], v)
     assert D_f - D_r == pytest.approx(expected, rel=1e-9)
+
+
+def settled(car, chassis, v, angle):
+    """Gains of yaw rate and lateral acceleration over the road-wheel angle of the pinion at the end of a small ramp."""
+    p = car.plant(friction.make("viscous", sigma_2=0.0), v, robot=True, chassis=chassis)
+    u, t = np.zeros((15_000, len(plant.INPUTS))), np.minimum(np.arange(1, 15_001) * 1e-3, 1.0)
+    u[:, plant.HAND] = angle * (t - np.sin(2.0 * math.pi * t) / (2.0 * math.pi))
+    u[:, plant.HAND_SPEED] = angle * (1.0 - np.cos(2.0 * math.pi * t))
+    row = np.zeros((1, len(plant.channels(p))))
+    assert plant.run(p, plant.initial_state(p), u, row, 1)
+    row = dict(zip((name for name, _ in plant.channels(p)), row[0]))
+    delta = car.steering_gain() * row["column_angle"]
+    return np.array([row[name] for name in ("yaw_rate", "lateral_acceleration", "lateral_speed")]) / delta
 
 
 @EACH

@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 from scipy.integrate import simpson
 from scipy.optimize import brentq
 
-from steer_env import friction, manoeuvres
-from steer_env.manoeuvres.common.driving import run_closed
+from steer_env import friction
 from steer_env.vehicle import cars, plant
 from steer_env.vehicle.chassis import available, two_track
 from steer_env.vehicle.constants import GRAVITY
@@ -31,30 +30,19 @@ def rows() -> Iterator[Row]:
         force, stored = parked(car, rack)
         work = simpson(force, x=rack)
         yield at_most(f"parked to the lock, {name}", abs(work / stored - 1.0), MOST, "of the energy stored")
-    hands = {name: _hands(car, name) for name in ("weave", "double-lane-change")}
+    hands = {name: power.hands(car, name) for name in ("weave", "double-lane-change")}
     for chassis in available():
-        for name, (speed, u) in hands.items():
+        for name, (speed, u, _) in hands.items():
             errors = []
             for law in friction.available():
                 p = car.plant(law, speed, robot=True, chassis=chassis)
                 error, given = power.error(power.steering(p, *power.recorded(p, u, plant.initial_state(p))))
                 errors.append(error / abs(given))
             yield at_most(f"steering, {name}, {chassis}", errors, MOST, "of the work of hand and motor")
-    works = [_work_on_two_tracks(car, *run) for run in hands.values()]
+    works = [_work_on_two_tracks(car, speed, u) for speed, u, _ in hands.values()]
     for term in works[0]:
         both = " ".join(f"{round(work[term], 1) + 0.0:.1f}" for work in works)
         yield Row(f"two_track, work: {term}", f"{both} J", "no limit", "pass")
-
-
-def _hands(car: cars.Car, name: str) -> tuple[float, Array]:
-    """Speed [m/s] and the inputs of a robot (N, I): two cycles of a weave, or a lane change as the driver steers it."""
-    manoeuvre = manoeuvres.make(name)
-    if manoeuvre.driver is None:
-        return manoeuvre.speed, manoeuvres.inputs(manoeuvre, 0.25, 10.0)
-    record = run_closed(car, manoeuvres.build_plant(car, manoeuvre, "lugre"), manoeuvre)
-    u = np.zeros((len(record), len(plant.INPUTS)))
-    u[:, [plant.HAND, plant.HAND_SPEED]] = record[:, [plant.CHANNEL[f"handwheel_{k}"] for k in ("angle", "speed")]]
-    return manoeuvre.speed, u
 
 
 def _rack_force(p: plant.Plant, x: Array, rack: float) -> tuple[Array, float]:

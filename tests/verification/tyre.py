@@ -14,4 +14,4 @@ def rows() -> Iterator[Row]:
     for alpha, expected in TYRE_FORCES.items():
         F_x, F_y, _, _, M_z = tyre.load().forces(0.0, alpha, 0.0, 4000.0, 16.67)
         errors = np.abs(np.array([F_y, M_z, F_x]) / expected - 1.0)
-        yield at_most(f"F_y, M_z, F_x at {alpha:g} rad", errors, 1e-6, "of each")
+        yield at_most(f"F_y, M_z, F_x at {alpha:g} rad", errors, 1e-9, "of each")

@@ -9,7 +9,9 @@ compliance. Source: (C9), (P2) and (P3), derived here.
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.vehicle import plant
+from steer_env import manoeuvres
+from steer_env.manoeuvres.common.driving import run, run_closed
+from steer_env.vehicle import cars, plant
 from steer_env.vehicle.layout import states
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
@@ -17,6 +19,23 @@ Array = NDArray[np.float64]
 
 COMPLIANCE = {"compliance_travel", "compliance_travel_left", "compliance_travel_right"}
 GIVEN = ("hand", "motor")  # the terms of :func:`steering` that give work; the others take it
+
+
+def hands(car: cars.Car, name: str) -> tuple[float, Array, Array]:
+    """Speed [m/s], inputs of a robot (N, I), and its torque (N,) [N m].
+
+    Two cycles of a weave, or a lane change as the driver steers it.
+    """
+    manoeuvre = manoeuvres.make(name)
+    p = manoeuvres.build_plant(car, manoeuvre, "lugre")
+    if manoeuvre.driver is None:
+        u = manoeuvres.inputs(manoeuvre, 0.25, 10.0)
+        record = run(p, manoeuvre, u)
+    else:
+        record = run_closed(car, p, manoeuvre)
+        u = np.zeros((len(record), len(plant.INPUTS)))
+        u[:, [plant.HAND, plant.HAND_SPEED]] = record[:, [plant.CHANNEL[f"handwheel_{k}"] for k in ("angle", "speed")]]
+    return manoeuvre.speed, u, record[:, plant.CHANNEL["handwheel_torque"]]
 
 
 def recorded(p: plant.Plant, inputs: Array, state: Array) -> tuple[Array, Array]:
