@@ -164,7 +164,7 @@ def drive_two_track(
     return recording_of(times, values, manoeuvre)
 
 
-MOST_STEADY, MOST_RMS = 0.03, 0.05  # limits of the differences: of steady values, and of histories over their peak [1]
+MOST_STEADY, MOST_RMS = 0.02, 0.01  # limits of the differences: of steady values, and of histories over their peak [1]
 
 
 def difference(one: Recording, other: Recording, channel: str) -> float:
