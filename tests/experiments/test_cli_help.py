@@ -12,7 +12,7 @@ from steer_env import assists, drivers, friction, manoeuvres, metrics, targets
 from steer_env.experiments.cli import drive
 from steer_env.experiments.cli.common import names
 from steer_env.experiments.cli.common.messages import in_options
-from steer_env.experiments.cli.main import GROUPS, commands, main, parser
+from steer_env.experiments.cli.main import main, parser
 from steer_env.experiments.cli.study import SWEEPING
 from steer_env.experiments.learning import policy_report
 from steer_env.friction.numerics.registry import dashed, listed
@@ -32,7 +32,7 @@ def _commands(words, made):
 
 
 COMMANDS = _commands((), parser())
-FOLDERS = ("policy",)  # words with commands of their own
+FOLDERS = {words[0] for words in COMMANDS if len(words) > 1}  # words with commands of their own
 SLOW = ("numba", "scipy", "matplotlib", "torch", "plotly")  # to import
 HELP = """
 import sys
@@ -180,20 +180,6 @@ def test_episodes_have_no_frames_without_pygame(monkeypatch):
     """A core install evaluates baselines without pictures, and does not end in a traceback after the work."""
     monkeypatch.setattr(policy_report, "find_spec", lambda name: None)
     assert policy_report.frames("steer_env/AssistWeave-v3", None) == []
-
-
-def test_the_list_of_commands_shows_each_in_its_group(capsys):
-    with pytest.raises(SystemExit):
-        main(["--help"])
-    lines = capsys.readouterr().out.splitlines()
-    found, group = {}, None
-    for line in lines:
-        group = line if line in GROUPS.values() else group
-        if group and line.startswith("  "):
-            found.setdefault(group, []).append(line.split()[0])
-    assert list(found) == list(GROUPS.values())
-    assert sorted(name for names in found.values() for name in names) == sorted(commands())
-    assert set(FOLDERS) == {words[0] for words in COMMANDS if len(words) > 1}
 
 
 def _options(name):

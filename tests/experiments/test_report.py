@@ -226,14 +226,7 @@ def test_metrics_json(made):
             assert set(entry) == {"value", "ci", "unit"}
             low, high = entry["ci"]
             assert low is high is None or low <= entry["value"] <= high
-        assert {row["scheme"] for row in data["real_time"]["laws"][law]} == {
-            "midpoint",
-            "explicit Euler",
-            "backward Euler",
-        }
         assert data["provenance"]["laws"][law]["parameters"]
-    assert data["provenance"]["version"]
-    assert data["provenance"]["random_numbers"].startswith("none")
 
 
 def test_what_is_told_of_the_held_torque_follows_from_its_numbers(made):

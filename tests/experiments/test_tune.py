@@ -1,6 +1,7 @@
 """Tuning: a study that is shared, killed and resumed; what it does with bad input; what its sets show."""
 
 import json
+import math
 import shlex
 import subprocess
 import sys
@@ -111,6 +112,15 @@ def test_ranges_end_where_the_parameter_does():
     assert low[1].low == pytest.approx(0.01)
 
 
+@pytest.mark.filterwarnings("ignore::steer_env.vehicle.cars.UnusualCar")
+@pytest.mark.parametrize("value", [0.06, 12.0])
+def test_an_own_value_beyond_the_usual_limits_stays_in_a_range_that_is_widened(value):
+    own = cars.load("compact", {"assist.return_gain": 5.0, "assist.return_saturation": value})
+    (r,) = problem.ranges_of(own.assist, ("return_saturation",))
+    (wider,) = search.widened((r,), {"return_saturation": value})
+    assert wider.low <= value <= wider.high
+
+
 @pytest.mark.whole
 def test_processes_share_a_study_and_lose_no_set_of_a_killed_one(tmp_path):
     budget, one = 20, job(tmp_path, 20)
@@ -186,11 +196,12 @@ def sets(*rows):
     ]
 
 
-def test_what_the_sets_show():
-    bands = {name: Band((0.0, 1.0), (-1.0, 2.0)) for name in "ab"}
+BANDS = {name: Band((0.0, 1.0), (-1.0, 2.0)) for name in "ab"}
 
+
+def test_what_the_sets_show():
     def judged(*rows):
-        return feasibility.judge(SimpleNamespace(bands=bands), sets(*rows), ("a", "b"))
+        return feasibility.judge(SimpleNamespace(bands=BANDS), sets(*rows), ("a", "b"))
 
     assert judged(((0.5, 0.5), (0.5, 1.0), True), ((9.0, 9.0), (9.0, 9.0), True)).reached
     found = judged(((0.5, 0.5), (0.5, 1.5), True), ((0.5, 2.0), (0.5, 0.6), True))
@@ -199,6 +210,21 @@ def test_what_the_sets_show():
     assert found.pairs[0].metrics == ("a", "b")
     found = judged(((0.5, 1.5), (0.5, 0.5), True), ((0.5, 0.5), (0.5, 0.5), False))
     assert [c.metric for c in found.never] == ["a"]
+
+
+def test_where_no_set_keeps_the_constraints_the_nearest_is_told():
+    far, near = sets(((0.5, 0.5), (0.5, 0.5), False), ((2.0, 2.0), (0.5, 0.5), False))
+    far.constraints = {"phase_20": 0.4, "gain_20": -1.0}
+    near.constraints = {"phase_20": 0.1, "gain_140": 0.05, "stable": 0.0}
+    found = feasibility.judge(SimpleNamespace(bands=BANDS), [far, near], ("a", "b"))
+    assert [name for name, _ in found.nearest] == ["phase_20", "gain_140"]
+
+
+def test_a_metric_that_is_refused_everywhere_is_written():
+    never = feasibility.Closest("yaw_lag", 3.0, 3.0, math.nan, math.nan, ("calm",))
+    found = feasibility.Feasibility(2, False, (never,), (), ("yaw_lag",), 0)
+    written = json.loads(json.dumps(feasibility.as_json(found), allow_nan=False))
+    assert written["never"][0]["low"] is None
 
 
 @pytest.fixture(scope="module")
