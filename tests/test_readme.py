@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-PAGES = ("README.md", "docs/friction_laws.md", "docs/learning.md", "docs/robot_joints.md")
+PAGES = ("README.md", "docs/analysis.md", "docs/friction_laws.md", "docs/learning.md", "docs/robot_joints.md")
 EXAMPLES = [
     (page, code, printed)
     for page in PAGES

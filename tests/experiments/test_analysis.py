@@ -2,8 +2,6 @@
 
 import json
 import math
-import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,7 +18,6 @@ from steer_env.vehicle.analysis.operating_point import cornering, held, steady
 from steer_env.vehicle.steering import margins
 from steer_env.vehicle.steering.margins import Margins
 
-ROOT = Path(__file__).parents[2]
 WHOLE_MAP = {name: getattr(margin_map, name) for name in ("SPEEDS", "TORQUES")}
 
 
@@ -135,9 +132,3 @@ def test_only_the_limit_that_is_missed_is_named():
     assert analysis_page.limits([*found, early]) == ["30 deg"]
     unstable = found[0]._replace(margins=kept._replace(gain=0.9, stable=False))
     assert analysis_page.limits([*found, early, unstable]) == ["stability", "30 deg", "6 dB"]
-
-
-def test_the_example_of_the_docs_runs(capsys):
-    text = (ROOT / "docs" / "analysis.md").read_text(encoding="utf-8")
-    exec(re.search(r"```python\n(.*?)```", text, re.S)[1], {})
-    assert "Margins(gain=" in capsys.readouterr().out

@@ -373,12 +373,10 @@ def test_a_result_of_another_program_is_driven_with_a_caution(entered, short, tm
 
 FAILING = {
     "shape": ("def act(self, observation): return observation", r"its act must give numbers \(2, 1\), got float32"),
-    "words": ("def act(self, observation): return [['a'], ['b']]", r"its act must give numbers \(2, 1\), got <U1"),
     "nan": ("def act(self, observation): return observation[:, :1] * float('nan')", "its act gave nan, which is"),
     "huge": ("def act(self, observation): return [[1e300]] * len(observation)", "its act gave 1e.300, which is"),
     "act": ("def act(self, observation): return {}['gain']", r"its act raised KeyError: 'gain' \(other.py, line 4\)"),
     "ragged": ("def act(self, observation): return [[1], [1, 2]]", "its act raised ValueError"),
-    "tensor": ("__array__ = None\n def act(self, observation): return self", "its act raised TypeError"),
     "mute": (
         "class Mute(BaseException):\n  def __str__(self): 1 / 0\n def act(self, observation): raise self.Mute",
         r"its act raised Mute \(other.py, line 6\)",
@@ -387,7 +385,6 @@ FAILING = {
     "reset": ("def act(self, observation): pass\n def reset(self, rows=None): 1 / 0", "its reset raised ZeroDivision"),
     "init": ("act = print\n def __init__(self, env): env.no", "its constructor raised AttributeError"),
     "no act": ("pass", "has no class Own with the methods reset and act"),
-    "no class": ("pass\nOwn = 3", "has no class Own with the methods reset and act"),
     "import": ("pass\nraise OSError('gone')", r"cannot be imported: OSError: gone \(other.py, line 5\)"),
     "syntax": ("def", r"cannot be imported: SyntaxError: .* \(other.py, line 4\)$"),
 }  # fmt: skip
@@ -487,10 +484,3 @@ def test_scores_and_thresholds_come_from_a_folder_of_results(entered, short, tmp
 
 def test_the_ids_have_the_thresholds_of_the_scores():
     assert scores.thresholds(scores.read()) == {env_id: gym.spec(env_id).reward_threshold for env_id in DRIVEN}
-
-
-def test_the_page_of_scores_has_every_id():
-    page = scores.markdown(scores.read())
-    for env_id in DRIVEN:
-        section = page.partition(f"### `{env_id}`")[2].partition("\n##")[0]
-        assert "| zero |" in section

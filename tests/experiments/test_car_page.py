@@ -129,26 +129,3 @@ def test_characteristic_speed_is_that_of_the_gradient_at_the_handwheel(page):
     car = cars.load("ford_escort")
     speed = 3.6 * math.sqrt((car.chassis["front_axle"] + car.chassis["rear_axle"]) / gradient)
     assert q["characteristic_speed"]["value"] == pytest.approx(speed, rel=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["nocar"], "vehicle must be a .toml or .json file or one of"),
-        (["missing.toml", "--page"], "missing.toml: No such file or directory"),
-        (["bad.toml", "--page"], "bad.toml:3: chassis.mass must be"),
-        (["compact", "--out", "x"], "give --page with it"),
-        (["compact", "--page", "--out", "full"], "holds other files (mine.txt)"),
-    ],
-)
-def test_a_mistake_is_one_line(arguments, message, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "bad.toml").write_text('base = "compact"\n[chassis]\nmass = -3\n', encoding="utf-8")
-    (tmp_path / "full").mkdir()
-    (tmp_path / "full" / "mine.txt").write_text("kept")
-    assert main(["car", *arguments]) == 2
-    printed = capsys.readouterr()
-    assert message in printed.err
-    assert printed.err.count("\n") == 1
-    assert printed.out == ""
-    assert not (tmp_path / "car_compact").exists()

@@ -12,7 +12,7 @@ from steer_env import assists, drivers, friction, manoeuvres, metrics, targets
 from steer_env.experiments.cli import drive
 from steer_env.experiments.cli.common import names
 from steer_env.experiments.cli.common.messages import in_options
-from steer_env.experiments.cli.main import GROUPS, commands, main, parser
+from steer_env.experiments.cli.main import main, parser
 from steer_env.experiments.cli.study import SWEEPING
 from steer_env.experiments.learning import policy_report
 from steer_env.friction.numerics.registry import dashed, listed
@@ -32,7 +32,7 @@ def _commands(words, made):
 
 
 COMMANDS = _commands((), parser())
-FOLDERS = ("policy",)  # words with commands of their own
+FOLDERS = {words[0] for words in COMMANDS if len(words) > 1}  # words with commands of their own
 SLOW = ("numba", "scipy", "matplotlib", "torch", "plotly")  # to import
 HELP = """
 import sys
@@ -83,6 +83,8 @@ def test_names_in_the_help_are_those_of_the_registries():
         ("asammdf", ["run", "weave", "--out", "weave.mf4"], "mdf"),
         ("pyarrow", ["run", "weave", "--out", "weave.parquet"], "parquet"),
         ("cantools", ["evaluate", "drive.log.gz", "--dbc", "car.dbc"], "can"),
+        ("optuna", ["tune"], "tune"),
+        ("distributed", ["study", "loop-width", "--cluster", "local"], "cluster"),
     ],
 )
 def test_a_missing_extra_is_named_before_the_work_begins(missing, command, extra, monkeypatch, tmp_path, capsys):
@@ -101,18 +103,10 @@ def test_a_missing_extra_is_named_before_the_work_begins(missing, command, extra
 @pytest.mark.skipif(sys.platform == "win32", reason="pipes of a POSIX shell")
 @pytest.mark.parametrize("command", [["--help"], ["car", "compact"], ["run", "rig"]])
 def test_a_closed_pipe_prints_no_error(command, tmp_path):
-    process = subprocess.Popen(
-        [
-            sys.executable,
-            "-m",
-            "steer_env.experiments.cli.main",
-            *command,
-            *(["--out", str(tmp_path)] * ("run" in command)),
-        ],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    words = [sys.executable, "-m", "steer_env.experiments.cli.main", *command]
+    if "run" in command:
+        words += ["--out", str(tmp_path)]
+    process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     process.stdout.close()
     assert process.stderr.read() == ""
     process.stderr.close()
@@ -142,10 +136,7 @@ def gappy(*gaps, size=200):
     ("gap", "message"),
     [
         (slice(0, 20), "cut it off with --between 0.2 1.99, or leave the channel out with --without handwheel_torque"),
-        (
-            slice(50, 90),
-            " s; cut the recording there with --between T0 T1, or leave the channel out with ",
-        ),
+        (slice(50, 90), " s; cut the recording there with --between T0 T1, or leave the channel out with "),
         (slice(0, 199), "channel 'handwheel_torque' has 1 samples: leave it out with --without handwheel_torque"),
     ],
 )
@@ -191,20 +182,6 @@ def test_episodes_have_no_frames_without_pygame(monkeypatch):
     assert policy_report.frames("steer_env/AssistWeave-v3", None) == []
 
 
-def test_the_list_of_commands_shows_each_in_its_group(capsys):
-    with pytest.raises(SystemExit):
-        main(["--help"])
-    lines = capsys.readouterr().out.splitlines()
-    found, group = {}, None
-    for line in lines:
-        group = line if line in GROUPS.values() else group
-        if group and line.startswith("  "):
-            found.setdefault(group, []).append(line.split()[0])
-    assert list(found) == list(GROUPS.values())
-    assert sorted(name for names in found.values() for name in names) == sorted(commands())
-    assert set(FOLDERS) == {words[0] for words in COMMANDS if len(words) > 1}
-
-
 def _options(name):
     """Words of each command that has an option -> the action of the option."""
     return {words: made._option_string_actions[name] for words, made in COMMANDS.items() if name in _names(made)}
@@ -238,23 +215,9 @@ def test_an_option_means_the_same_in_every_command(name):
     assert {key for key, values in told.items() if len(values) > 1} <= DIFFERENT.get(name, set()), told
 
 
-# What computes many cases, each by itself. A training and a fit are one computation; a measurement of time and a
-# drive cannot be spread.
-SWEEPS = {
-    ("benchmark",),
-    ("policy", "evaluate"),
-    ("policy", "friction-shift"),
-    ("policy", "shift"),
-    ("policy", "suite"),
-    ("report",),
-    ("run",),
-    ("sensitivity",),
-    ("tune",),
-}
-
-
 def test_what_computes_many_cases_takes_workers_and_resumes():
-    for name in ("--workers", "--cluster"):
-        assert set(_options(name)) == SWEEPS
-    assert set(_options("--resume")) == SWEEPS | {("train",)}
+    """Which commands these are, is in test_own_law_on_workers.py."""
+    sweeping = set(_options("--workers"))
+    assert set(_options("--cluster")) == sweeping
+    assert set(_options("--resume")) == sweeping | {("train",)}
     assert set(_options("--import")) == set(COMMANDS)

@@ -5,6 +5,7 @@ import functools
 import importlib
 import pickle
 import sys
+from unittest.mock import Mock
 
 import pytest
 
@@ -175,21 +176,10 @@ def test_workers_drive_with_the_law(command, written, monkeypatch):
         raise StoppedError(whole(function, of_law[-2:], **options))
 
     monkeypatch.setattr(sweep, "run", some)
-    monkeypatch.setattr(sweep.processes, "outcomes", counted := Counted(processes.outcomes))
+    monkeypatch.setattr(sweep.processes, "outcomes", counted := Mock(wraps=processes.outcomes))
     with pytest.raises(StoppedError) as found:
         run(COMMANDS[command])
-    assert (len(found.value.args[0]), counted.calls) == (2, 1)
-
-
-class Counted:
-    """A function, and how often it was called."""
-
-    def __init__(self, function):
-        self.function, self.calls = function, 0
-
-    def __call__(self, *arguments):
-        self.calls += 1
-        return self.function(*arguments)
+    assert (len(found.value.args[0]), counted.call_count) == (2, 1)
 
 
 def test_a_law_that_is_imported_by_a_script_reaches_workers(written, tmp_path):

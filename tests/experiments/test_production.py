@@ -171,20 +171,15 @@ def test_the_parameter_that_decides_is_named(faked):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--parameters", "column.K=5%"], "--parameters has no number 'column.K'; there are boost_level, "),
         (
             ["--parameters", "column.K_tb=-5%"],
             "the tolerance of column.K_tb must be finite and greater than 0 and at most 1, got -0.05",
         ),
-        (
-            ["--parameters", "column.K_tb=5"],
-            "of production takes NAME=P% or NAME=LOW:HIGH, got 'column.K_tb=5'",
-        ),
+        (["--parameters", "column.K_tb=5"], "of production takes NAME=P% or NAME=LOW:HIGH, got 'column.K_tb=5'"),
         (["--parameters", "load=0:900"], r"load \[kg\] must be finite and at least 0 and at most 500, got 900"),
         (["--parameters", "load=5%"], "load is 0, of which 0.05 is none"),
         (["--parameters", "load=75:0"], r"load must be \(low, high\) with low < high"),
         (["--parameters", "speed=20:30"], "has 'speed', which is the tests' own"),
-        (["--parameters", "column.K_tb=5%", "column.K_tb=4%"], "gives column.K_tb twice"),
         (
             ["--parameters", "chassis.mass=20:2000"],
             r"chassis.mass \[kg\] must be finite and at least 100 and at most 10000, got 20",

@@ -32,6 +32,12 @@ def rerun(path, capsys, *options):
     return code, printed.out + printed.err
 
 
+def require_same(path, capsys):
+    """The result is made again to the bit."""
+    code, text = rerun(path, capsys)
+    assert (code, text.splitlines()[-1]) == (0, f"{path}: equal to the bit")
+
+
 def test_two_files_of_one_name_with_other_torsion_bars_are_told_apart(tmp_path):
     found = []
     for stiffness in (120.0, 140.0):
@@ -65,8 +71,7 @@ def test_a_recording_is_made_again_by_its_own_content(suffix, tmp_path, capsys):
     law = trace["friction"]["masing,elements=3"]
     assert (law["law"], len(law["parameters"]["k"])) == ("masing", 3)
     for path in (out, out.with_suffix(".json")):
-        code, text = rerun(path, capsys)
-        assert (code, text.splitlines()[-1]) == (0, f"{path}: equal to the bit")
+        require_same(path, capsys)
     files.write(touched(files.read(out)), out)
     code, text = rerun(out, capsys)
     assert code == 1
@@ -93,8 +98,7 @@ def test_an_evaluation_is_made_again_with_its_inputs(tmp_path, capsys):
     assert {name: entry["sign"] for name, entry in mapped.items()} == {"handwheel_torque": -1, "handwheel_angle": -1}
     (tmp_path / "map.toml").unlink()  # the trace holds it
     for name in ("evaluation.json", "index.html"):
-        code, text = rerun(f"found/{name}", capsys)
-        assert (code, text.splitlines()[-1]) == (0, f"found/{name}: equal to the bit")
+        require_same(f"found/{name}", capsys)
     (tmp_path / "viscous.csv").rename(tmp_path / "found" / "viscous.csv")  # beside the result
     (tmp_path / "found" / "index.html").rename(tmp_path / "found" / "renamed.html")
     assert rerun("found/renamed.html", capsys)[0] == 0
@@ -106,15 +110,6 @@ def test_an_evaluation_is_made_again_with_its_inputs(tmp_path, capsys):
     code, text = rerun("found/evaluation.json", capsys)
     assert code == 2
     assert "found/evaluation.json needs viscous.csv, which is neither there nor beside the result" in text
-
-
-@pytest.mark.whole
-def test_a_validation_is_made_again(capsys):
-    for law in ("lugre", "viscous"):  # which do not agree, so that nobody asks what would have been shown
-        assert main(["run", "weave", "--friction", law, "--rate-hz", "100", "--out", f"{law}.csv"]) == 0
-    main(["validate", "lugre.csv", "viscous.csv", "--out", "found"])
-    code, text = rerun("found/evaluation.json", capsys)
-    assert (code, text.splitlines()[-1]) == (0, "found/evaluation.json: equal to the bit")
 
 
 @pytest.fixture
@@ -144,10 +139,6 @@ def run_with(module):
     assert main(["run", "rig", "--import", module, "--rate-hz", "50", "--out", "found/rig.csv"]) == 0
 
 
-def same(path):
-    return 0, f"{path}: equal to the bit"
-
-
 def test_a_module_of_a_package_is_checked_with_what_it_imports(tmp_path, modules, capsys):
     (tmp_path / "found").mkdir()
     modules(laws__mine="from .values import K\nimport table\n", laws__values="K = 1\n", table="K = 2\n")
@@ -159,8 +150,7 @@ def test_a_module_of_a_package_is_checked_with_what_it_imports(tmp_path, modules
         for file in ("laws/mine.py", "laws/values.py", "table.py")
     }
     modules()
-    code, text = rerun("found/rig.csv", capsys)
-    assert (code, text.splitlines()[-1]) == same("found/rig.csv")
+    require_same("found/rig.csv", capsys)
     modules(table="K = 30\n")
     code, text = rerun("found/rig.csv", capsys)
     assert code == 2
@@ -181,8 +171,7 @@ def test_a_module_beside_the_result_is_imported_from_there(tmp_path, modules, mo
     for name in ("mine.py", "table.py"):
         (tmp_path / name).rename(tmp_path / "found" / name)
     modules()
-    code, text = rerun("found/rig.json", capsys)
-    assert (code, text.splitlines()[-1]) == same("found/rig.json")
+    require_same("found/rig.json", capsys)
     assert sys.modules["mine"].__file__ == str(tmp_path / "found" / "mine.py")
     (tmp_path / "elsewhere").mkdir()
     monkeypatch.chdir(tmp_path / "elsewhere")
@@ -283,22 +272,11 @@ def test_a_manoeuvre_of_all_is_made_again_by_itself(tmp_path, monkeypatch, capsy
 @pytest.mark.whole
 def test_an_evaluation_of_policies_is_made_again_with_an_own_car(tmp_path, capsys):
     (tmp_path / "a.toml").write_text(STIFF.format(140.0))
-    command = [
-        "policy",
-        "evaluate",
-        "damping",
-        "--env",
-        "steer_env/AssistWeave-v3",
-        "--episodes",
-        "2",
-        "--out",
-        "found",
-    ]
-    assert main([*command, "--vehicle", "a.toml"]) == 0
+    command = "policy evaluate damping --env steer_env/AssistWeave-v3 --episodes 2 --vehicle a.toml --out found"
+    assert main(command.split()) == 0
     data = json.loads((tmp_path / "found" / "evaluation.json").read_text())
     assert data["trace"]["car"]["column"]["K_tb"] == 140.0
     assert data["arguments"]["vehicle"].startswith("a, ")
     (tmp_path / "a.toml").unlink()
     for name in ("evaluation.json", "index.html"):
-        code, text = rerun(f"found/{name}", capsys)
-        assert (code, text.splitlines()[-1]) == (0, f"found/{name}: equal to the bit")
+        require_same(f"found/{name}", capsys)

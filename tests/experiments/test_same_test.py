@@ -119,11 +119,3 @@ def test_a_directory_is_not_named_like_a_file_and_is_checked_before_the_work(wea
     code, error = told("evaluate", "a.csv", "--out", "foreign")
     assert code == 2
     assert "foreign holds other files (thesis.txt)" in error
-
-
-def test_validate_says_by_its_exit_code_whether_they_agree(weave, told):
-    save(weave, "a.csv")
-    files.write(replace(weave, channels={**weave.channels, "handwheel_torque": 2 * weave["handwheel_torque"]}), "b.csv")
-    save(weave, "same.csv")
-    assert told("validate", "a.csv", "same.csv") == (0, "")
-    assert told("validate", "a.csv", "b.csv") == (1, "")

@@ -295,10 +295,7 @@ def killed(folder, cluster, number):
 
 @pytest.mark.whole
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="looks for processes in /proc")
-@pytest.mark.parametrize(
-    ("cluster", "number"),
-    [("", signal.SIGINT), ("local", signal.SIGKILL)],
-)
+@pytest.mark.parametrize(("cluster", "number"), [("", signal.SIGINT), ("local", signal.SIGKILL)])
 def test_a_killed_client_takes_its_workers_along_and_is_resumed(cluster, number, tmp_path):
     killed(tmp_path, cluster, number)
     finished = cases.marks(tmp_path / "marks", "done")
@@ -329,10 +326,10 @@ def scheduler(port):
 
 
 @contextlib.contextmanager
-def dask_worker(address, *options, path=""):
+def dask_worker(address, *options):
     """A worker in a process of its own, which ends with the block."""
     command = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--no-nanny", "--no-dashboard", *options]
-    environment = os.environ | {"PYTHONPATH": f"{ROOT}{os.pathsep}{path}"}
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
     with subprocess.Popen(command, stderr=subprocess.DEVNULL, env=environment) as worker:
         try:
             yield
@@ -366,34 +363,7 @@ def test_a_cluster_that_dies_leaves_what_is_finished(scheduler, tmp_path):
             sweep.run(cases.counted, numbers(tmp_path, 0.3), where=sweep.Where(1, address), store=kept_in(tmp_path),
                       notify=end)  # fmt: skip
     assert kept_in(tmp_path).count() >= 3
-    assert same(
-        sweep.run(
-            cases.counted,
-            numbers(tmp_path),
-            store=kept_in(
-                tmp_path,
-            ),
-            where=TWO,
-        )
-    )
-
-
-@pytest.mark.whole
-def test_a_worker_of_a_cluster_with_another_own_law_is_named(own, scheduler, tmp_path):
-    """The worker's file is another; or becomes the same, when the worker has loaded it already."""
-    _, address = scheduler
-    folder = tmp_path / "theirs"
-    folder.mkdir()
-    (folder / "my_study.py").write_text("def drive(x):\n    return 2 * x\n")
-    where = sweep.Where(1, address)
-    drive = own(my_study="def drive(x):\n    return 1000 * x\n")("my_study").drive
-    with dask_worker(address, "--nthreads", "1", path=folder):
-        for _ in range(2):
-            with pytest.raises(ValueError, match=r"the worker tcp://.* has module my_study \w+ in place of \w+:"):
-                sweep.run(drive, [1.0, 2.0], where=where)
-            (folder / "my_study.py").write_text("def drive(x):\n    return 1000 * x\n")
-    with dask_worker(address, "--nthreads", "1", path=folder):
-        assert sweep.run(drive, [1.0, 2.0], where=where) == [1000.0, 2000.0]
+    assert same(sweep.run(cases.counted, numbers(tmp_path), where=TWO, store=kept_in(tmp_path)))
 
 
 @pytest.mark.whole
@@ -425,12 +395,9 @@ def test_options_are_checked_before_the_work_begins(tmp_path, monkeypatch, capsy
     monkeypatch.chdir(tmp_path)
     assert main(["run", "weave", "--workers", "2"]) == 2
     assert main(["report", "--cluster", "somewhere"]) == 2
-    monkeypatch.setattr("steer_env.experiments.cli.common.extras.find_spec", lambda name: None)
-    assert main(["study", "loop-width", "--cluster", "local"]) == 2
     errors = capsys.readouterr().err.splitlines()
     assert "--workers has no effect here, as one manoeuvre is one case: use it with all" in errors[0]
     assert "--cluster must be local, local:N" in errors[1]
-    assert "--cluster local needs distributed: pip install '.[cluster]'" in errors[2]
     assert not list(tmp_path.iterdir())
 
 

@@ -54,20 +54,3 @@ def test_dry_friction_is_told_from_a_damper(weaves):
 def test_dry_friction_is_told_from_a_damper_in_100_trials(weaves):
     assert passing(weaves, "lugre", range(100)) >= 0.95
     assert passing(weaves, "viscous", range(100)) <= 0.05
-
-
-def test_packaged_tolerances_are_named_where_there_are_none():
-    with pytest.raises(ValueError, match="no tolerances 'tight'; there are default, wide, or"):
-        simulation_vs_measurement.tolerances("tight")
-
-
-def test_tolerances_of_another_form_are_refused(tmp_path):
-    path = tmp_path / "own.toml"
-    for content, message in (
-        (b"channels = 1", "channels: expected a table"),
-        (b"name = '\xff'", "expected text in UTF-8"),
-        (b"[channels]\na = {relative = %s, absolute = 1, unit = 'deg'}" % (b"9" * 400), "a, relative must be a number"),
-    ):
-        path.write_bytes(content)
-        with pytest.raises(ValueError, match=rf"own\.toml.*{message}"):
-            simulation_vs_measurement.tolerances(str(path))

@@ -206,7 +206,7 @@ def test_a_checkpoint_keeps_law_seed_settings_and_the_best(tmp_path):
     out = tmp_path / "run"
     first = Training(WEAVE, None, out, seed=3, friction=Friction("coulomb"))
     assert not out.exists()  # nothing before the work
-    first.settings["algorithm"] |= {"num_envs": 4, "n_steps": 16, "batch_size": 64}
+    first.settings["algorithm"] |= SMALL
     first.run(steps=64)
     state = json.loads((out / "checkpoint" / "state.json").read_text())
     assert (state["friction"], state["seed"], state["algo"]) == ("coulomb", 3, "ppo")
@@ -349,14 +349,10 @@ def test_shift_command(trained, tmp_path, capsys):
 
 
 @pytest.mark.whole
-@pytest.mark.parametrize("algo", ["sac", "recurrent-ppo"])
-def test_other_algorithms_train_too(algo, tmp_path):
-    run = Training(WEAVE, algo, tmp_path / "run", friction=LUGRE)
-    run.settings["algorithm"] |= {"num_envs": 4}
-    if algo == "sac":
-        run.settings["algorithm"] |= {"learning_starts": 64, "gradient_steps": 1, "buffer_size": 10_000}
-    else:
-        run.settings["algorithm"] |= {"n_steps": 64, "batch_size": 64, "n_epochs": 1}
+def test_a_recurrent_policy_trains_and_acts(tmp_path):
+    """Soft actor-critic is trained in test_policy_files.py."""
+    run = Training(WEAVE, "recurrent-ppo", tmp_path / "run", friction=LUGRE)
+    run.settings["algorithm"] |= {"num_envs": 4, "n_steps": 64, "batch_size": 64, "n_epochs": 1}
     run.run(steps=400)
     vector = gym.make_vec(WEAVE, num_envs=2)
     found = policy.Policy(tmp_path / "run" / "policy.zip", vector)

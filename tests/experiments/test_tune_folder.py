@@ -26,7 +26,9 @@ from steer_env.experiments.calibration import (
 )
 from steer_env.experiments.calibration.pace import Pace
 from steer_env.experiments.calibration.problem import Evaluation
-from steer_env.experiments.cli.main import main
+from steer_env.experiments.cli import tune
+from steer_env.experiments.cli.main import main, parsed
+from steer_env.experiments.pages import tuning_pictures
 from steer_env.vehicle import cars
 from steer_env.vehicle.steering.margins import Margins
 
@@ -414,3 +416,23 @@ def test_nothing_waits_for_a_set_of_a_machine_that_went_down(tmp_path, posed, qu
         study.ask(search.distributions(search.ranges(study))).set_user_attr("process", "elsewhere-1-dead")
     monkeypatch.setattr(search.time, "sleep", lambda seconds: pytest.fail("it waits"))
     assert search.work(search.WorkerOf(job, 0)) == 11
+
+
+def test_a_database_in_the_folder_and_modules_of_ones_own(tmp_path):
+    words = ["tune", "--import", "json", "--storage", f"sqlite:///{tmp_path / 'study.db'}", "--out", str(tmp_path)]
+    (tmp_path / "study.db").touch()
+    with pytest.raises(ValueError, match="has no study that could be resumed"):
+        tune.run(parsed([*words, "--resume"]))
+    told = tune._words(parsed(words), cars.load(), "best.toml", "after")
+    assert told[1:5] == ["--import", "json", "--friction", "lugre@column_eps"]
+
+
+def test_front_shows_or_counts_every_set():
+    values = np.array([[0.5, 1.0], [3.0, 0.2], [30.0, 0.4], [1.0, 9.0]])
+    ends = tuning_page.ends(values, [(3.0, 0.2), (1.0, 2.5)])
+    assert ends[0] > 3.0
+    assert ends[1] > 2.5
+    assert tuning_page.outside(values, ends) == 2
+    drawn = tuning_pictures.front({"TPE": values}, values[:2], {"best": (3.0, 0.2)}, ["return", "effort"], ends)
+    shown = tuning_pictures.front({"TPE": values[:2]}, values[:2], {"best": (3.0, 0.2)}, ["return", "effort"], ends)
+    assert len(re.findall("<use", drawn)) == len(re.findall("<use", shown))  # those outside are not put on the edge

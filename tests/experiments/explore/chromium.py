@@ -22,7 +22,7 @@ KEYS = {"ArrowRight": 39, "ArrowLeft": 37, "ArrowDown": 40, "Tab": 9, "Enter": 1
 class Chromium(Browser):
     """A page in a browser of its own; what it asks the network for is kept in ``requested``."""
 
-    def __init__(self, folder, width=1280, height=900, dark=False):
+    def __init__(self, folder, width=1280, height=900):
         outward, inward = os.pipe(), os.pipe()
         read, write = (fcntl.fcntl(fd, fcntl.F_DUPFD, 10) for fd in (outward[0], inward[1]))
         options = (
@@ -47,8 +47,6 @@ class Chromium(Browser):
         for domain in ("Page", "Network", "Runtime"):
             self.call(f"{domain}.enable")
         self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
-        scheme = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
-        self.call("Emulation.setEmulatedMedia", features=scheme)
 
     def __exit__(self, *_):
         self._to.close()
@@ -112,10 +110,3 @@ class Chromium(Browser):
         root = self.call("DOM.getDocument")["root"]["nodeId"]
         field = self.call("DOM.querySelector", nodeId=root, selector=selector)["nodeId"]
         self.call("DOM.setFileInputFiles", nodeId=field, files=[str(path)])
-
-    def picture(self, path):
-        """Save a picture of the whole page."""
-        import base64
-
-        data = self.call("Page.captureScreenshot", captureBeyondViewport=True)["data"]
-        path.write_bytes(base64.b64decode(data))

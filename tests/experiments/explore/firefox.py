@@ -108,9 +108,3 @@ class Firefox(Browser):
         found = self.call("WebDriver:FindElement", using="css selector", value=selector)["value"]
         (element,) = found.values()
         self.call("WebDriver:ElementSendKeys", id=element, text=str(path))
-
-    def picture(self, path):
-        """Save a picture of the whole page."""
-        import base64
-
-        path.write_bytes(base64.b64decode(self.call("WebDriver:TakeScreenshot", full=True)["value"]))

@@ -29,13 +29,6 @@ def test_a_bad_value_is_refused(given, message, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_folder_with_other_files_is_left_alone(tmp_path, capsys):
-    (tmp_path / "thesis.tex").write_text("mine")
-    assert main(["explore", "--out", str(tmp_path)]) == 2
-    assert "holds other files (thesis.tex)" in capsys.readouterr().err
-    assert (tmp_path / "thesis.tex").read_text() == "mine"
-
-
 def test_kernels_that_are_not_compiled_make_no_page(tmp_path):
     command = [sys.executable, "-m", "steer_env.experiments.cli.main", "explore", "--out", tmp_path / "page"]
     done = subprocess.run(command, env=os.environ | {"NUMBA_DISABLE_JIT": "1"}, capture_output=True, text=True)
