@@ -295,7 +295,7 @@ def killed(folder, cluster, number):
 
 @pytest.mark.whole
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="looks for processes in /proc")
-@pytest.mark.parametrize(("cluster", "number"), [("", signal.SIGINT), ("local", signal.SIGKILL)])
+@pytest.mark.parametrize(("cluster", "number"), [("", signal.SIGINT), ("", signal.SIGKILL), ("local", signal.SIGKILL)])
 def test_a_killed_client_takes_its_workers_along_and_is_resumed(cluster, number, tmp_path):
     killed(tmp_path, cluster, number)
     finished = cases.marks(tmp_path / "marks", "done")

@@ -10,7 +10,7 @@ from steer_env.friction import law
 from steer_env.friction.models.masing import from_virgin_curve
 from steer_env.friction.numerics.check import one_of
 
-NAN, INF = float("nan"), float("inf")
+NAN = float("nan")
 
 # law, parameters, and what the message has to contain: name, value, what is allowed
 PARAMETERS = [
@@ -26,6 +26,9 @@ PARAMETERS = [
     ("lugre", {"F_s": 1.8, "sigma_1": 2.0, "sigma_2": 1.9}, ["sigma_2", "at least", "= 2 N m s/rad", "got 1.9"]),
     ("stribeck", {"F_s": 0.5}, ["F_s", "at least F_c = 0.9 N m", "got 0.5"]),
     ("gms", {"F_s": 0.5}, ["F_s", "at least F_c", "got 0.5"]),
+    ("gms", {"k": [1.0, -1.0], "alpha": [0.5, 0.5]}, ["k and alpha", "positive", "-1."]),
+    ("gms", {"k": [1.0], "alpha": [0.5, 0.5]}, ["k and alpha", "1 to ", "got 1, 2"]),
+    ("masing_position", {"elements": 2, "slope": [0.0, 1.5]}, ["slope", "within -1 and 1", "1.5"]),
     ("elasto_plastic", {"F_ba": 0.9}, ["F_ba", "below F_c = 0.9 N m", "got 0.9"]),
     ("bouc_wen", {"n": 0.5}, ["n ", "at least 1", "got 0.5"]),
     ("bouc_wen", {"beta": 0.4}, ["beta", "at least 0.5", "got 0.4"]),

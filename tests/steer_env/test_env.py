@@ -242,6 +242,7 @@ def test_reset_options_fix_the_case():
             {"randomise": {"load": (200, 100)}},
             r"randomise\['load'\] must be \(low, high\) with low <= high, got \(200, 100\)",
         ),
+        ({"randomise": {"load": 3}}, r"randomise\['load'\] must be \(low, high\), got 3"),
         ({"randomise": {"load": (0, 9000)}}, r"randomise\['load'\] must be .*at most 500, got 9000"),
         ({"randomise": {"friction": {"F_x": (1, 2)}}}, r"'lugre' has no parameter 'F_x'"),
         ({"randomise": {"friction": {"F_c": (-1, 2)}}}, r"F_c must be .*got -1"),
@@ -251,6 +252,11 @@ def test_reset_options_fix_the_case():
 def test_bad_arguments(arguments, message):
     with pytest.raises(ValueError, match=message):
         gym.make("steer_env/AssistWeave-v3", **arguments)
+
+
+def test_a_task_that_draws_its_speeds_takes_none():
+    with pytest.raises(ValueError, match="draws its speeds with its scenarios: leave speed out"):
+        gym.make("steer_env/AssistAllRound-v3", speed=20.0)
 
 
 @pytest.mark.parametrize("name", [IDS[0], TUNED_ID])

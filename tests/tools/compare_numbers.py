@@ -12,8 +12,6 @@ differs. CONTRIBUTING.md says when to run it.
 """
 
 import argparse
-import importlib
-import inspect
 import json
 import shutil
 import sys
@@ -69,11 +67,6 @@ ROWS = 6  # of a vector environment: four side by side and two more
 FMUS = (("car", "lugre", 2), ("steering", "masing", 3))  # subsystem, law and version of FMI of the exported FMUs
 FMU_SECONDS = 2.0
 
-# Names in a report's metrics.json that changed: old -> new. Values must not.
-RENAMED: dict[str, str] = {
-    "half the momentum of wheel spin": "half the angular momentum of the wheels",
-    "no torsion of the contact patch": "no bore torque of the contact patch",
-}
 # Branches of metrics.json that hold times, dates or versions, not results.
 NOT_RESULTS = ("real_time", "provenance")
 
@@ -243,13 +236,11 @@ def _exported_fmus() -> Iterator[tuple[str, dict[str, np.ndarray]]]:
     """Outputs of exported FMUs whose first input is a sine, at every communication step."""
     import fmpy
 
-    try:
-        export = importlib.import_module("steer_env.connect.fmu").export
-    except ModuleNotFoundError:  # where the exporter stood before
-        export = importlib.import_module("steer_env.fmu").export
+    from steer_env.connect.fmu import export
+
     for subsystem, law, version in FMUS:
         folder = Path(tempfile.mkdtemp())
-        path = export(folder / "exported.fmu", **_subsystem(export, subsystem), friction=law, fmi=version)
+        path = export(folder / "exported.fmu", subsystem=subsystem, friction=law, fmi=version)
         variables = fmpy.read_model_description(str(path)).modelVariables
         first = next(v.name for v in variables if v.causality == "input")
         outputs = [v.name for v in variables if v.causality == "output" and v.type in ("Real", "Float64")]
@@ -269,12 +260,6 @@ def _exported_fmus() -> Iterator[tuple[str, dict[str, np.ndarray]]]:
         yield f"FMU {subsystem} {law} FMI {version}", {name: found[name] for name in found.dtype.names}
 
 
-def _subsystem(export: Any, subsystem: str) -> dict[str, str]:
-    """The argument of an exporter for what the FMU contains, by the name that it has in this checkout."""
-    known = inspect.signature(export).parameters
-    return {next(name for name in ("subsystem", "part") if name in known): subsystem}
-
-
 def record(out: Path) -> None:
     """Compute everything and store the arrays."""
     arrays: dict[str, np.ndarray] = {}
@@ -286,11 +271,11 @@ def record(out: Path) -> None:
 
 
 def _leaves(node: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], float]]:
-    """Numbers of a JSON document by their path, the paths by today's names."""
+    """Numbers of a JSON document by their path."""
     if isinstance(node, dict):
         for key, value in node.items():
             if path or key not in NOT_RESULTS:
-                yield from _leaves(value, (*path, RENAMED.get(str(key), str(key))))
+                yield from _leaves(value, (*path, str(key)))
     elif isinstance(node, list):
         for i, value in enumerate(node):
             yield from _leaves(value, (*path, str(i)))

@@ -66,6 +66,12 @@ def test_engine_equals_its_curves_and_holds_their_ends():
             assert drivetrain.engine_torque(D, omega, throttle) == pytest.approx(expected, abs=1e-12)
 
 
+def test_defaults_are_85_kilowatts_at_6000_rpm():
+    power = [drivetrain.engine_torque(D, omega, 1.0) * omega for omega in D.speeds]
+    assert max(power) == pytest.approx(85e3, rel=1e-3)
+    assert D.speeds[np.argmax(power)] == pytest.approx(6000.0 * RPM)
+
+
 @pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
 @pytest.mark.parametrize("gear", GEARS)
 @pytest.mark.parametrize("throttle", [0.0, 0.2, 1.0])

@@ -1,6 +1,6 @@
 """docs/model.md: every equation has a number, a row that names its file, and that number in a comment of the file.
 
-Every file, function and test that a table names stands where it says.
+Every file and test that a table names stands where it says.
 """
 
 import io

@@ -249,9 +249,10 @@ def test_where_no_external_vehicle_can_be(vehicle):
 
 
 @pytest.mark.whole
-def test_command_line(vehicle, tmp_path):
+def test_command_line(vehicle, tmp_path, capsys):
     assert main(["run", "weave", "--chassis", str(vehicle), "--out", str(tmp_path)]) == 0
     assert main(["rerun", str(tmp_path / "weave.csv")]) == 0
     for word in ("three_track", str(tmp_path / "missing.fmu")):
         with pytest.raises(SystemExit):
             main(["run", "weave", "--chassis", word])
+    assert "there is no file" in capsys.readouterr().err

@@ -4,6 +4,7 @@ import ctypes
 import dataclasses
 import json
 import math
+import re
 import shutil
 import subprocess
 import sys
@@ -119,6 +120,22 @@ def test_description_has_units_and_the_start_values_of_python(weave):
         "chassis.m": "fixed",
         "chassis.v_x": "fixed",
     }
+
+
+SIGNED = re.compile("positive|increase|decrease")  # words that say which sign means what
+
+
+@pytest.mark.parametrize("chassis", CHASSIS)
+@pytest.mark.parametrize("subsystem", ["car", "chassis"])
+def test_every_variable_says_where_it_is_positive(subsystem, chassis):
+    """And no two parameters of a part have the same description."""
+    listed = variables(subsystems.make(subsystem, cars.load("compact").plant("lugre", 20.0, chassis=chassis), 20.0), 3)
+    for v in listed:
+        if v.low < 0.0 and (v.use in ("INPUT", "OUTPUT") or math.isfinite(v.low)):
+            assert SIGNED.search(v.description) or "temperature" in v.description, v
+        assert v.boolean or v.low <= v.start <= v.high, v
+    told = [v.description for v in listed if v.array == "NUMBERS" and not v.name.startswith(("tyre.", "friction."))]
+    assert len(set(told)) == len(told)
 
 
 ACTING = {  # so that every parameter matters

@@ -118,6 +118,7 @@ def test_a_simulation_that_stood_still_is_refused_with_the_part_in_time(robot):
 
 def test_many_missed_deadlines_are_refused_with_a_part_that_has_few(robot):
     many = driven(robot, missed=[(2.0, 8.0, 3.0)])
+    assert driven_module.share_missed(many) == pytest.approx(18e3 / (18e3 + robot.time.size), rel=1e-3)
     sentence = refusal(many)
     assert "% of the deadlines were missed, first at 2.0 s, by which the person was too fast" in sentence
     start, end = between(sentence)

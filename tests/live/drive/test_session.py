@@ -358,6 +358,8 @@ def test_a_device_without_a_motor_has_no_torque_to_lose(tmp_path):
         drive.command("pause")
         until(lambda: drive.gain() == 0.0)
         time.sleep(0.3)
+        drive.command("pause")
+        until(lambda: drive.gain() > 0.1)
     assert not any("faded" in line or "limited" in line for line in drive.summary())
 
 
