@@ -287,7 +287,7 @@ def killed(folder, cluster, number):
             assert client.poll() is None
             time.sleep(0.02)
         client.send_signal(number)
-    end = time.monotonic() + 20.0
+    end = time.monotonic() + 60.0
     while alive := {process for process in cases.processes(folder / "marks") if Path(f"/proc/{process}").exists()}:
         assert time.monotonic() < end, alive
         time.sleep(0.05)

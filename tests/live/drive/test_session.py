@@ -33,7 +33,7 @@ def session(folder, device=None, laws=LAWS[:2], **options):
     return Session(configurations, device, Options(SPEED, folder=folder, **options))
 
 
-def until(condition, seconds=20.0):
+def until(condition, seconds=60.0):
     """Wait for something to happen."""
     end = time.monotonic() + seconds
     while not condition():
