@@ -541,6 +541,7 @@ def edited(tmp_path, path, old, new):
         (V52, "'meter'", "'parsec'", "LENGTH: expected one of meter, .*, got 'parsec'", 0),
         (V61, "= 61", "= 70", "FITTYP: expected one of 5, 6, .*, got 70", 0),
         (V61, "PCX1   ", "PCX9   ", r"PCX1: expected in \[LONGITUDINAL_COEFFICIENTS\]", -1),
+        (V61, "PEX1   ", "PEXX   ", r"PEXX: expected a key of \[LONGITUDINAL_COEFFICIENTS\]", 0),
         (V61, "PDX2   ", "PDX1   ", "PDX1: expected once, is in line [0-9]+ already", 0),
         (V61, "[ALIGNING_COEFFICIENTS]", "[ALIGNING]", r"\[ALIGNING_COEFFICIENTS\]: expected this section", None),
         (V61, "= -0.037 ", "= -0.0.37 ", "PDX2: expected a number, got '-0.0.37'", 0),
