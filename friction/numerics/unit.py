@@ -1,0 +1,259 @@
+"""Units: functions that are compiled by themselves and called by address, so that no caller is compiled for them.
+
+A plant has exchangeable parts, such as a friction law. The class of such a part, in the type of the plant, would make a
+plant of its own of every combination. Instead, the functions of a part are compiled for its class alone. A caller knows
+the part as a :class:`Unit`, the same type whatever the part is: its numbers, which stand in the row of the plant, and
+the addresses of its functions. All of them begin with the same two arguments:
+
+    f(numbers, sizes, ...)
+
+the address of the numbers, as :func:`steer_env.friction.numerics.packing.pack` orders them, and that of ``sizes``: how
+many floats the part remembers, then the lengths of the arrays among the numbers. :func:`values` makes the parameters of
+these, with the same kernels as where they are called directly, to the bit. A function that raises passes its exception
+on to the caller.
+
+An address belongs to the process that compiled it. :func:`code` gives it to what is bound there, and nothing that
+holds one is pickled or copied.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numba
+import numpy as np
+from llvmlite import ir
+from numba import extending, types
+from numba.core import cgutils
+from numba.extending import models, register_model
+from numba.np.arrayobj import populate_array
+from numpy.typing import NDArray
+
+from steer_env.friction.numerics import packing, simd
+from steer_env.friction.numerics.frozen import frozen
+
+_intrinsic: Any = extending.intrinsic  # whose first argument no caller gives
+WORD = ir.IntType(64)
+
+
+def _bound_anew(self: Any) -> Any:
+    raise TypeError(f"{type(self).__name__} holds addresses of this process: bind its parameters anew in another one")
+
+
+@packing.shared
+class Code(NamedTuple):
+    """What is common to all units of one class of parameters."""
+
+    addresses: NDArray[np.int64]  # (F,) of its functions
+    sizes: NDArray[np.int64]  # (1 + D,) floats that it remembers, lengths of the arrays among its numbers
+
+
+class Unit(NamedTuple):
+    """A part as its callers take it."""
+
+    numbers: NDArray[np.float64]  # (K,)
+    code: Code
+
+
+Code.__reduce__ = _bound_anew  # type: ignore[method-assign,assignment]
+
+
+class Numbers(types.CPointer):
+    """The address of the numbers of a part: a type of compiled code for each class, and the same to a machine.
+
+    ``number`` is the type of each of them: a float, or a vector of four cars.
+    """
+
+    def __init__(self, parameters: Any, wide: bool = False) -> None:
+        self.value_type = numba.typeof(parameters)  # of a part, which the cache of the kernels looks at
+        self.number = simd.FOUR if wide else types.float64
+        super().__init__(self.number)
+        self.name = f"Numbers({self.value_type}, {self.number})"
+
+    @property
+    def key(self) -> Any:
+        """What two equal types have in common."""
+        return self.value_type, self.number
+
+
+register_model(Numbers)(models.PointerModel)
+
+
+@_intrinsic
+def values(typing_context, numbers, sizes):
+    """The parameters of a part from its numbers and sizes, by address; their arrays are views."""
+    if not isinstance(numbers, Numbers):
+        return None
+
+    def filled(kind: Any) -> Any:
+        if isinstance(kind, types.BaseTuple):
+            members = [filled(member) for member in kind]  # type: ignore[attr-defined]  # numba declares no members
+            return types.BaseTuple.from_types(members, getattr(kind, "instance_class", None))
+        if isinstance(kind, types.Array):
+            return types.Array(numbers.number, kind.ndim, "C", readonly=True, aligned=False)
+        return numbers.number if isinstance(kind, types.Float) else kind
+
+    def generate(context, builder, signature, arguments):
+        at, dimensions = arguments
+        dimensions = builder.gep(dimensions, [WORD(1)])
+
+        def rebuilt(kind: Any) -> Any:
+            nonlocal at, dimensions
+            if isinstance(kind, types.BaseTuple):
+                return context.make_tuple(builder, kind, [rebuilt(member) for member in kind])  # type: ignore[attr-defined]
+            here = at
+            if not isinstance(kind, types.Array):
+                at = builder.gep(here, [WORD(1)])
+                number = builder.load(here, align=8)
+                # No function writes to its numbers: the compiler may load one where it is used.
+                number.set_metadata("invariant.load", builder.module.add_metadata([]))
+                return number if kind == numbers.number else context.cast(builder, number, types.float64, kind)
+            shape = [builder.load(builder.gep(dimensions, [WORD(k)])) for k in range(kind.ndim)]
+            dimensions = builder.gep(dimensions, [WORD(kind.ndim)])
+            found, size = _array(context, builder, kind, here, shape)
+            at = builder.gep(here, [size])
+            return found
+
+        return rebuilt(signature.return_type)
+
+    return filled(numbers.value_type)(numbers, sizes), generate
+
+
+@_intrinsic
+def array(typing_context, first, sizes):
+    """The memory of a part, of ``sizes[0]`` numbers from the address ``first`` on."""
+    if not isinstance(first, types.CPointer):
+        return None
+    kind = types.Array(first.dtype, 1, "C", aligned=False)
+
+    def generate(context, builder, signature, arguments):
+        return _array(context, builder, kind, arguments[0], [builder.load(arguments[1])])[0]
+
+    return kind(first, sizes), generate
+
+
+def _array(context: Any, builder: Any, kind: Any, data: Any, shape: Sequence[Any]) -> tuple[Any, Any]:
+    """A contiguous array at an address, and how many elements it has."""
+    itemsize = context.get_abi_sizeof(context.get_data_type(kind.dtype))
+    strides, size = [], WORD(1)
+    for length in reversed(shape):
+        strides.insert(0, builder.mul(size, WORD(itemsize)))
+        size = builder.mul(size, length)
+    made = context.make_array(kind)(context, builder)
+    populate_array(
+        made,
+        data=builder.bitcast(data, made.data.type),
+        shape=shape,
+        strides=strides,
+        itemsize=WORD(itemsize),
+        meminfo=None,
+    )
+    return made._getvalue(), size
+
+
+def caller(returns: Any) -> Any:
+    """What calls a function of a unit in kernels: ``(address, numbers, sizes, (...))``, whose arrays go by address.
+
+    ``returns`` makes the type of the result from that of a number, which is a vector where the numbers are.
+    """
+
+    @_intrinsic
+    def call(typing_context, address, numbers, sizes, rest):
+        number = numbers.dtype
+        kinds = [numbers, sizes, *rest]
+        given = [types.CPointer(kind.dtype) if isinstance(kind, types.Array) else number for kind in kinds]
+        result = returns(number)
+
+        def generate(context, builder, signature, arguments):
+            convention = context.call_conv
+            packed = []
+            every = [*arguments[1:3], *cgutils.unpack_tuple(builder, arguments[3])]
+            for kind, taken, value in zip(kinds, given, every):
+                if isinstance(kind, types.Array):
+                    packed.append(context.make_array(kind)(context, builder, value).data)
+                else:
+                    packed.append(context.cast(builder, value, kind, taken))
+            function = convention.get_function_type(result, given)
+            returned = cgutils.alloca_once(builder, function.args[0].pointee)
+            exception = cgutils.alloca_once(builder, function.args[1].pointee)
+            at = builder.inttoptr(arguments[0], function.as_pointer())
+            status = builder.call(at, [returned, exception, *packed])
+            with cgutils.if_unlikely(builder, cgutils.is_not_null(builder, status)):
+                builder.store(builder.load(exception), convention._get_excinfo_argument(builder.function))
+                builder.ret(status)
+            return context.get_returned_value(builder, result, builder.load(returned))
+
+        return result(address, numbers, sizes, rest), generate
+
+    return call
+
+
+def structure(parameters: Any) -> Any:
+    """What two parts have in common that share their functions: their classes, and which numbers are arrays."""
+    if isinstance(parameters, tuple):
+        return type(parameters), *map(structure, parameters)
+    return np.ndim(parameters) or type(parameters)
+
+
+def sizes(parameters: Any, remembered: int) -> NDArray[np.int64]:
+    """``sizes`` of a part that remembers so many floats."""
+    return np.array([remembered, *(n for leaf in packing.leaves(parameters) for n in np.shape(leaf.value))])
+
+
+def ONE(number: Any) -> Any:
+    """Result of a function: a number."""
+    return number
+
+
+def TWO(number: Any) -> Any:
+    """Result of a function: two numbers."""
+    return types.UniTuple(number, 2)
+
+
+def NONE(number: Any) -> Any:
+    """Result of a function that changes what it is given."""
+    return types.none
+
+
+class Function(NamedTuple):
+    """A function of a unit."""
+
+    kernel: Any  # whose first arguments are numbers and sizes
+    arguments: str  # the further ones: n for a number, p for an address of numbers
+    returns: Any  # type of a number -> type of the result
+
+    def types(self, parameters: Any, wide: bool) -> tuple:
+        """Types of the arguments for a class of parameters."""
+        numbers = Numbers(parameters, wide)
+        kinds = {"n": numbers.number, "p": types.CPointer(numbers.number)}
+        return (numbers, types.CPointer(types.int64), *(kinds[each] for each in self.arguments))
+
+    def compiled(self, parameters: Any, wide: bool) -> Any:
+        """What the compiler made of it for a class of parameters.
+
+        Raises
+        ------
+        TypeError
+            The function returns something else.
+        """
+        given = self.types(parameters, wide)
+        self.kernel.compile(given)
+        found = self.kernel.overloads[given]
+        expected = self.returns(given[0].number)
+        if found.signature.return_type != expected:
+            raise TypeError(f"{self.kernel.__name__} must return {expected}, got {found.signature.return_type}")
+        return found
+
+
+_addresses: dict[Any, NDArray[np.int64]] = {}
+
+
+def bound(parameters: Any, functions: tuple[Function, ...], remembered: int, wide: bool = False) -> Unit:
+    """The unit of a part that remembers so many floats, in this process."""
+    key = structure(parameters), functions, wide
+    if key not in _addresses:
+        kind, found = frozen(parameters), []
+        for function in functions:
+            made = function.compiled(kind, wide)
+            found.append(made.library.get_pointer_to_function(made.fndesc.llvm_func_name))
+        _addresses[key] = np.array(found, np.int64)
+    return Unit(packing.numbers(parameters), Code(_addresses[key], sizes(parameters, remembered)))
