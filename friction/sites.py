@@ -16,6 +16,7 @@ The friction of a gear grows with the torque T_m that the motor sends through it
     c = c_d where T_m drives the motion, c_b where it is driven back; L_- alike                        (F44)
 """
 
+import functools
 import inspect
 import math
 import re
@@ -23,6 +24,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from steer_env.friction import defaults, fitted_file, gear
 from steer_env.friction import law as laws
@@ -43,14 +45,18 @@ from steer_env.friction.law import step as law_step
 from steer_env.friction.level import Level, Scales, chosen, held_scale, largest, own_scale
 from steer_env.friction.level import make as make_level
 from steer_env.friction.level import scales as level_scales
+from steer_env.friction.numerics import packing, scratch
 from steer_env.friction.numerics.check import constructed, not_negative, one_of
-from steer_env.friction.numerics.kernel import dispatch, kernel
+from steer_env.friction.numerics.kernel import COMPILED, dispatch, kernel
+from steer_env.friction.numerics.packing import of_row, shared
 from steer_env.friction.numerics.simd import all_of, any_of, maximum, negated, where
+from steer_env.friction.numerics.unit import Code, Unit
 
 NOTHING = {"law": "viscous", "sigma_2": 0.0}
 ABOVE, BELOW = "upper_column", ("lower_column", "gear", "rack", "motor")
 # Also in the options of pages.
 TEXT = "LAW[,key=value...]@SITE, several joined by +; @column_eps and @rack_eps are all sites of that steering"
+MOST = 1 + len(BELOW)  # sites
 MOST_ROUNDS, WITH_SLOPE = 50, 8
 LEAST = 1e-6  # sliding torque that can grow, assumed [N m]
 CLOSE = 1e-15  # of the torque that an error of w1 adds to the second equation, over its terms [1]
@@ -77,22 +83,28 @@ class Sites(NamedTuple):
     motor: Site
 
 
+@shared
+class Table(NamedTuple):
+    """Where the friction of a :class:`Bound` stands, the sites above the bar first; idle ones are left out."""
+
+    addresses: Any  # (n, F) of the functions of each law; without the compiler the laws themselves
+    sizes: NDArray[np.int64]  # (n, 1 + D) of each law, as of a unit
+    places: NDArray[np.int64]  # (n, 4) first numbers of law and conditions, first float of the memory and the end
+    above: int  # how many sites are above the bar, 0 or 1
+    alone: int  # 1 where a law is given for the column as a whole, without conditions of its own
+
+
+class Bound(NamedTuple):
+    """Friction as kernels take it, the same type for every law and any mix of them."""
+
+    numbers: NDArray[np.float64]  # (K,) of the law, or of all sites
+    at: Table
+
+
 class Below(NamedTuple):
-    """The sites below the bar."""
+    """What is below the bar of a :class:`Bound`, as one law, whose torque scale is an array of those of the sites."""
 
-    lower_column: Site
-    gear: Site
-    rack: Site
-    motor: Site
-
-
-class Scaled(NamedTuple):
-    """Factor of each site below the bar on its saturated friction in a step [1]."""
-
-    lower_column: float
-    gear: float
-    rack: float
-    motor: float
+    friction: Bound
 
 
 class Step(NamedTuple):
@@ -106,23 +118,33 @@ class Step(NamedTuple):
     h: float  # [s]
 
 
-class SiteScales(NamedTuple):
-    """Factors of each site on its saturated friction by the direction of motion."""
-
-    upper_column: Scales
-    lower_column: Scales
-    gear: Scales
-    rack: Scales
-    motor: Scales
+def law_at(p, i):
+    """The law of a site of a :class:`Bound`."""
+    return of_row(p.at.addresses[i], p.numbers[None, p.at.places[i, 0] :], 0)
 
 
+@kernel
+def _law_at(p, i):
+    return Unit(p.numbers[p.at.places[i, 0] :], Code(p.at.addresses[i], p.at.sizes[i]))
+
+
+dispatch(law_at, lambda kind, _: _law_at)
+
+
+@kernel
+def _memory_at(p, i, memory):
+    return memory[p.at.places[i, 2] : p.at.places[i, 3]]
+
+
+@kernel
 def joint(p, scales, memory, step, w1, w2):
     """One step of (F43) under forces: the mean speeds, and the torques above and below the bar.
 
     Parameters
     ----------
-    p : Sites, or parameters of a law, which then sits below the bar
-    scales : SiteScales, or Scales of the one law
+    p : Bound
+    scales : (2 n,) array
+        As :func:`scales` fills it.
     memory : (M,) array
         Advanced in place.
     step : Step
@@ -136,9 +158,43 @@ def joint(p, scales, memory, step, w1, w2):
     T_above, T_below : float
         Mean torques, from (F43), so that the energy balance is exact [N m].
     """
-    return (_joint if isinstance(p, Sites) else _joint_one)(p, scales, memory, step, w1, w2)
+    a, R1, K, S, R2, h = step
+    if p.at.alone:
+        S -= K * K / a  # (C5)
+        R2 += K / a * R1  # (C5)
+        w2, T = _step_alone(p, scales, memory, S, R2, h, w2)
+        return (R1 + K * w2) / a, w2, 0.0 * a, T  # (C7)
+    held, rests = scratch.like(memory, MOST), scratch.like(memory, MOST)
+    L, taken = scratch.like(memory, MOST), scratch.like(memory, MOST)
+    rest = _held_below(p, scales, memory, h, held, rests)
+    for i in range(p.at.above, p.at.places.shape[0]):
+        L[i] = held[i]
+    scale = _chosen_above(p, scales, memory, R1 + K * w2, h)  # (F11)
+    w1 = _solved_above(p, scale, memory, a, R1 + K * w2, h, w1)  # (F43)
+    going = True
+    for i in range(MOST_ROUNDS):
+        # Above the bar, w1 + slope (w - w2) while the speed w below it is sought. A slope may lead to and fro across a
+        # kink; without it the rounds converge by K^2/(a S).
+        steep = mean_torque(law_at(p, 0), scale, _memory_at(p, 0, memory), w1, h)[1] if p.at.above else 0.0 * a
+        slope = where((w1 != 0.0) & (i < WITH_SLOPE), K / (a + steep), 0.0)
+        w = _solved_below(p, scales, held, rests, rest, memory, S - K * slope, R2 + K * (w1 - slope * w2), h, w2, taken)
+        expected = w1 + slope * (w - w2)
+        for j in range(p.at.above, p.at.places.shape[0]):
+            L[j] = where(going, taken[j], L[j])
+        w2 = where(going, w, w2)
+        scale = where(going, _chosen_above(p, scales, memory, R1 + K * w2, h), scale)  # (F11)
+        w1 = where(going, _solved_above(p, scale, memory, a, R1 + K * w2, h, expected), w1)
+        close = K * abs(w1 - expected) <= CLOSE * (S * abs(w2) + abs(R2) + K * (abs(w1) + abs(R1) / a))
+        going = going & negated(close)
+        if not any_of(going):
+            break
+    if p.at.above:
+        advance(law_at(p, 0), scale, _memory_at(p, 0, memory), w1, h)
+    _advance_below(p, L, memory, w2, h)
+    return w1, w2, R1 + K * w2 - a * w1, R2 + K * w1 - S * w2
 
 
+@kernel
 def led(p, scales, memory, w1, S, R, h, w2):
     """One step with the speed ``w1`` prescribed above the bar; ``R`` has K w1 in it. As :func:`joint`.
 
@@ -147,88 +203,68 @@ def led(p, scales, memory, w1, S, R, h, w2):
     w2 : float
     T_above, T_below : float
     """
-    return (_led if isinstance(p, Sites) else _led_one)(p, scales, memory, w1, S, R, h, w2)
+    T_above = 0.0 * S
+    if p.at.alone:
+        w2, T = _step_alone(p, scales, memory, S, R, h, w2)
+        return w2, T_above, T
+    if p.at.above:
+        law, own = law_at(p, 0), _memory_at(p, 0, memory)
+        scale = _chosen_above(p, scales, memory, math.copysign(math.inf, w1), h)  # (F11)
+        moving, _ = mean_torque(law, scale, own, w1, h)
+        T_above = where(w1 != 0.0, moving, rest_torque(law, scale, own, h))
+        advance(law, scale, own, w1, h)
+    held, rests, L = scratch.like(memory, MOST), scratch.like(memory, MOST), scratch.like(memory, MOST)
+    rest = _held_below(p, scales, memory, h, held, rests)
+    w2 = _solved_below(p, scales, held, rests, rest, memory, S, R, h, w2, L)
+    _advance_below(p, L, memory, w2, h)
+    return w2, T_above, R - S * w2
 
 
 @kernel
-def _joint_one(p, scales, memory, step, w1, w2):
-    a, R1, K, S, R2, h = step
-    S -= K * K / a  # (C5)
-    R2 += K / a * R1  # (C5)
-    scale = chosen(p, scales, memory, R2, h)  # (F11)
-    w2, T = law_step(p, scale, memory, S, R2, h, w2)
-    return (R1 + K * w2) / a, w2, 0.0, T  # (C7)
+def _step_alone(p, scales, memory, S, R, h, w_guess):
+    law = law_at(p, 0)
+    scale = chosen(law, Scales(scales[0], scales[1]), memory, R, h)  # (F11)
+    return law_step(law, scale, memory, S, R, h, w_guess)
 
 
 @kernel
-def _led_one(p, scales, memory, w1, S, R, h, w2):
-    scale = chosen(p, scales, memory, R, h)  # (F11)
-    w2, T = law_step(p, scale, memory, S, R, h, w2)
-    return w2, 0.0, T
+def _chosen_above(p, scales, memory, R, h):
+    if not p.at.above:
+        return 0.0
+    return chosen(law_at(p, 0), Scales(scales[0], scales[1]), _memory_at(p, 0, memory), R, h)
 
 
 @kernel
-def _held(site, scales, memory):
-    return held_scale(site.law, scales, memory[site.start : site.end])
+def _solved_above(p, scale, memory, a, R, h, guess):
+    return solve(law_at(p, 0), scale, _memory_at(p, 0, memory), a, R, h, guess) if p.at.above else R / a
 
 
 @kernel
-def _rest(site, scale, memory, h):
-    return rest_torque(site.law, scale, memory[site.start : site.end], h)
+def _held_below(p, scales, memory, h, held, rests):
+    """The scales with which the memories below the bar are loaded, and cut back to; the torques at rest, and their sum."""
+    rest = 0.0
+    for i in range(p.at.above, p.at.places.shape[0]):
+        law, own = law_at(p, i), _memory_at(p, i, memory)
+        held[i] = held_scale(law, Scales(scales[2 * i], scales[2 * i + 1]), own)
+        rests[i] = rest_torque(law, held[i], own, h)
+        rest += rests[i]
+    return rest
 
 
 @kernel
-def _own(site, scales, held, memory, side, h):
-    return own_scale(site.law, scales, held, _rest(site, held, memory, h), memory[site.start : site.end], side, h)
-
-
-@kernel
-def _advance(site, scale, memory, w, h):
-    advance(site.law, scale, memory[site.start : site.end], w, h)
-
-
-@kernel
-def _mean(site, scale, memory, w, h):
-    return mean_torque(site.law, scale, memory[site.start : site.end], w, h)
-
-
-@kernel
-def _mean_sum(p, L, memory, w, h):
-    """Sum of the mean torques below the bar [N m], and its derivative by the speed [N m s/rad]."""
-    T1, d1 = _mean(p.lower_column, L.lower_column, memory, w, h)
-    T2, d2 = _mean(p.gear, L.gear, memory, w, h)
-    T3, d3 = _mean(p.rack, L.rack, memory, w, h)
-    T4, d4 = _mean(p.motor, L.motor, memory, w, h)
-    return T1 + T2 + T3 + T4, d1 + d2 + d3 + d4
-
-
-@kernel
-def _rest_sum(p, L, memory, h):
-    return (
-        _rest(p.lower_column, L.lower_column, memory, h)
-        + _rest(p.gear, L.gear, memory, h)
-        + _rest(p.rack, L.rack, memory, h)
-        + _rest(p.motor, L.motor, memory, h)
-    )
-
-
-@kernel
-def _advance_sum(p, L, memory, w, h):
-    _advance(p.lower_column, L.lower_column, memory, w, h)
-    _advance(p.gear, L.gear, memory, w, h)
-    _advance(p.rack, L.rack, memory, w, h)
-    _advance(p.motor, L.motor, memory, w, h)
-
-
-@kernel
-def _held_sum(p, scales, memory):
-    """The scale of each site with which its memory is loaded; the memory is cut back to it."""
-    return Scaled(
-        _held(p.lower_column, scales.lower_column, memory),
-        _held(p.gear, scales.gear, memory),
-        _held(p.rack, scales.rack, memory),
-        _held(p.motor, scales.motor, memory),
-    )
+def _solved_below(p, scales, held, rests, rest, memory, S, R, h, guess, L):
+    """The speed with ``S w`` + the torques below the bar = ``R``; ``L`` receives the scales with which it is so."""
+    still = R == rest
+    for i in range(p.at.above, p.at.places.shape[0]):
+        L[i] = held[i]
+    if all_of(still):
+        return R - rest
+    side = where(R > rest, 1.0, -1.0)
+    for i in range(p.at.above, p.at.places.shape[0]):
+        law, own, both = law_at(p, i), _memory_at(p, i, memory), Scales(scales[2 * i], scales[2 * i + 1])
+        if not all_of(both.positive == both.negative):  # else the one that holds it
+            L[i] = where(still, held[i], own_scale(law, both, held[i], rests[i], own, side, h))
+    return where(still, 0.0, _moved(Below(p), L, memory, S, R, h, guess, side))
 
 
 @kernel
@@ -239,111 +275,29 @@ def _moved(p, L, memory, S, R, h, guess, side):
 
 
 @kernel
-def _solved_sum(p, scales, held, rest, memory, S, R, h, guess):
-    """The speed with ``S w`` + the torques below the bar = ``R``, and the scale of each site with which it is so."""
-    still = R == rest
-    if all_of(still):
-        return R - rest, held
-    side = where(R > rest, 1.0, -1.0)
-    L = Scaled(
-        _own(p.lower_column, scales.lower_column, held.lower_column, memory, side, h),
-        _own(p.gear, scales.gear, held.gear, memory, side, h),
-        _own(p.rack, scales.rack, held.rack, memory, side, h),
-        _own(p.motor, scales.motor, held.motor, memory, side, h),
-    )
-    return where(still, 0.0, _moved(p, L, memory, S, R, h, guess, side)), _each(still, held, L)
+def _mean_below(p, L, memory, w, h):
+    """Sum of the mean torques below the bar [N m], and its derivative by the speed [N m s/rad]."""
+    T = slope = 0.0
+    for i in range(p.friction.at.above, p.friction.at.places.shape[0]):
+        own, steep = mean_torque(law_at(p.friction, i), L[i], _memory_at(p.friction, i, memory), w, h)
+        T += own
+        slope += steep
+    return T, slope
 
 
 @kernel
-def _each(condition, then, otherwise):
-    return Scaled(
-        where(condition, then.lower_column, otherwise.lower_column),
-        where(condition, then.gear, otherwise.gear),
-        where(condition, then.rack, otherwise.rack),
-        where(condition, then.motor, otherwise.motor),
-    )
+def _advance_below(p, L, memory, w, h):
+    for i in range(p.at.above, p.at.places.shape[0]):
+        advance(law_at(p, i), L[i], _memory_at(p, i, memory), w, h)
 
 
 @kernel
-def _joint(p, scales, memory, step, w1, w2):
-    a, R1, K, S, R2, h = step
-    above, own = p.upper_column.law, memory[: p.upper_column.end]
-    below = Below(p.lower_column, p.gear, p.rack, p.motor)
-    held = _held_sum(below, scales, memory)
-    rest = _rest_sum(below, held, memory, h)
-    L = held
-    scale = chosen(above, scales.upper_column, own, R1 + K * w2, h)  # (F11)
-    w1 = solve(above, scale, own, a, R1 + K * w2, h, w1)  # (F43)
-    going = True
-    for i in range(MOST_ROUNDS):
-        # Above the bar, w1 + slope (w - w2) while the speed w below it is sought. A slope may lead to and fro across a
-        # kink; without it the rounds converge by K^2/(a S).
-        _, steep = mean_torque(above, scale, own, w1, h)
-        slope = where((w1 != 0.0) & (i < WITH_SLOPE), K / (a + steep), 0.0)
-        w, taken = _solved_sum(below, scales, held, rest, memory, S - K * slope, R2 + K * (w1 - slope * w2), h, w2)
-        expected = w1 + slope * (w - w2)
-        L, w2 = _each(going, taken, L), where(going, w, w2)
-        scale = where(going, chosen(above, scales.upper_column, own, R1 + K * w2, h), scale)  # (F11)
-        w1 = where(going, solve(above, scale, own, a, R1 + K * w2, h, expected), w1)
-        close = K * abs(w1 - expected) <= CLOSE * (S * abs(w2) + abs(R2) + K * (abs(w1) + abs(R1) / a))
-        going = going & negated(close)
-        if not any_of(going):
-            break
-    advance(above, scale, own, w1, h)
-    _advance_sum(below, L, memory, w2, h)
-    return w1, w2, R1 + K * w2 - a * w1, R2 + K * w1 - S * w2
-
-
-@kernel
-def _led(p, scales, memory, w1, S, R, h, w2):
-    above, own = p.upper_column.law, memory[: p.upper_column.end]
-    scale = chosen(above, scales.upper_column, own, math.copysign(math.inf, w1), h)  # (F11)
-    moving, _ = mean_torque(above, scale, own, w1, h)
-    T_above = where(w1 != 0.0, moving, rest_torque(above, scale, own, h))
-    advance(above, scale, own, w1, h)
-    below = Below(p.lower_column, p.gear, p.rack, p.motor)
-    held = _held_sum(below, scales, memory)
-    w2, L = _solved_sum(below, scales, held, _rest_sum(below, held, memory, h), memory, S, R, h, w2)
-    _advance_sum(below, L, memory, w2, h)
-    return w2, T_above, R - S * w2
-
-
-@kernel
-def _site_scales(site, of_car, base, load, x, motor):
-    """L_+ and L_- of a site (F44)."""
-    own = level_scales(site.level, 1.0, load, x)  # (F11)
-    driving, driven = maximum(site.driving, 0.0), maximum(site.driven, 0.0)
-    left, grown = motor >= 0.0, base * abs(motor)
-    # A negative level, as of a parameter of an exported unit, would drive the steering.
-    return Scales(
-        maximum(of_car.positive * own.positive, 0.0) + grown * where(left, driving, driven),  # (F44)
-        maximum(of_car.negative * own.negative, 0.0) + grown * where(left, driven, driving),  # (F44)
-    )
-
-
-@kernel
-def _scales(p, conditions, base, load, x, motor):
-    of_car, above = level_scales(conditions, base, load, x), Scales(base, base)
-    return SiteScales(
-        _site_scales(p.upper_column, above, base, 0.0, x, 0.0),
-        _site_scales(p.lower_column, of_car, base, load, x, motor),
-        _site_scales(p.gear, of_car, base, load, x, motor),
-        _site_scales(p.rack, of_car, base, load, x, motor),
-        _site_scales(p.motor, of_car, base, load, x, motor),
-    )
-
-
-@kernel
-def _scales_one(p, conditions, base, load, x, motor):
-    return level_scales(conditions, base, load, x)
-
-
-def scales(p, conditions, base, load, x, motor):
-    """Factors on the saturated friction by the direction of motion: SiteScales of sites, Scales of one law.
+def scales(p, conditions, base, load, x, motor, found):
+    """Fill ``found`` (2 n,) with the factors on the saturated friction of positive and of negative motion, site by site.
 
     Parameters
     ----------
-    p : Sites, or parameters of a law
+    p : Bound
     conditions : Level
         Of the car, which acts at every site below the bar.
     base : float
@@ -355,51 +309,69 @@ def scales(p, conditions, base, load, x, motor):
     motor : float
         Torque of the motor on the column [N m].
     """
-    return (_scales if isinstance(p, Sites) else _scales_one)(p, conditions, base, load, x, motor)
+    of_car = level_scales(conditions, base, load, x)  # (F11)
+    left, grown = motor >= 0.0, base * abs(motor)
+    for i in range(p.at.places.shape[0]):
+        at = p.at.places[i, 1]
+        if p.at.alone:
+            found[0], found[1] = of_car
+        elif i < p.at.above:
+            own = level_scales(_level_at(p, at), 1.0, 0.0, x)  # (F11)
+            found[0], found[1] = maximum(base * own.positive, 0.0), maximum(base * own.negative, 0.0)  # (F44)
+        else:
+            own = level_scales(_level_at(p, at), 1.0, load, x)  # (F11)
+            driving, driven = maximum(p.numbers[at + _GROWTH], 0.0), maximum(p.numbers[at + _GROWTH + 1], 0.0)
+            # A negative level, as of a parameter of an exported unit, would drive the steering.
+            positive, negative = maximum(of_car.positive * own.positive, 0.0), maximum(of_car.negative * own.negative, 0.0)
+            found[2 * i] = positive + grown * where(left, driving, driven)  # (F44)
+            found[2 * i + 1] = negative + grown * where(left, driven, driving)  # (F44)
 
 
 @kernel
-def _uniform(p, L):
-    same = Scales(L, L)
-    return SiteScales(same, same, same, same, same)
+def _level_at(p, at):
+    n = p.numbers
+    return Level(n[at], n[at + 1], n[at + 2], n[at + 3], n[at + 4], n[at + 5], n[at + 6])
 
 
 @kernel
-def _uniform_one(p, L):
-    return Scales(L, L)
-
-
-def uniform(p, L):
+def uniform(p, L, found):
     """The same factor everywhere and in both directions, as :func:`scales` gives them."""
-    return (_uniform if isinstance(p, Sites) else _uniform_one)(p, L)
-
-
-_OF_SITES = {"joint": _joint, "led": _led, "scales": _scales, "uniform": _uniform}
-_OF_ONE = {"joint": _joint_one, "led": _led_one, "scales": _scales_one, "uniform": _uniform_one}
-for _point in (joint, led, scales, uniform):
-    dispatch(_point, lambda kind, name: (_OF_SITES if kind is Sites else _OF_ONE)[name])
+    for i in range(2 * p.at.places.shape[0]):
+        found[i] = L
 
 
 # Sites as one law: all of them in one motion, as if the bar were rigid, at one factor and without their own levels.
 
 
 @kernel
+def _same(p, L, found):
+    for i in range(p.at.places.shape[0]):
+        found[i] = L
+
+
+@kernel
 def _mean_all(p, L, memory, w, h):
-    T, slope = _mean_sum(Below(p.lower_column, p.gear, p.rack, p.motor), Scaled(L, L, L, L), memory, w, h)
-    above, steep = _mean(p.upper_column, L, memory, w, h)
-    return above + T, steep + slope
+    each = scratch.like(memory, MOST)
+    _same(p, L, each)
+    T, slope = _mean_below(Below(p), each, memory, w, h)
+    if p.at.above:
+        above, steep = mean_torque(law_at(p, 0), L, _memory_at(p, 0, memory), w, h)
+        return above + T, steep + slope
+    return T, slope
 
 
 @kernel
 def _rest_all(p, L, memory, h):
-    below = Below(p.lower_column, p.gear, p.rack, p.motor)
-    return _rest(p.upper_column, L, memory, h) + _rest_sum(below, Scaled(L, L, L, L), memory, h)
+    rest = 0.0
+    for i in range(p.at.above, p.at.places.shape[0]):
+        rest += rest_torque(law_at(p, i), L, _memory_at(p, i, memory), h)
+    return rest_torque(law_at(p, 0), L, _memory_at(p, 0, memory), h) + rest if p.at.above else rest
 
 
 @kernel
 def _advance_all(p, L, memory, w, h):
-    _advance(p.upper_column, L, memory, w, h)
-    _advance_sum(Below(p.lower_column, p.gear, p.rack, p.motor), Scaled(L, L, L, L), memory, w, h)
+    for i in range(p.at.places.shape[0]):
+        advance(law_at(p, i), L, _memory_at(p, i, memory), w, h)
 
 
 @kernel
@@ -409,49 +381,61 @@ def _solve_all(p, L, memory, S, R, h, w_guess):
 
 
 @kernel
-def _torque_of(site, L, memory, w):
-    return torque(site.law, L, memory[site.start : site.end], w)
-
-
-@kernel
 def _torque_all(p, L, memory, w):
-    return (
-        _torque_of(p.upper_column, L, memory, w)
-        + _torque_of(p.lower_column, L, memory, w)
-        + _torque_of(p.gear, L, memory, w)
-        + _torque_of(p.rack, L, memory, w)
-        + _torque_of(p.motor, L, memory, w)
-    )
+    T = 0.0
+    for i in range(p.at.places.shape[0]):
+        T += torque(law_at(p, i), L, _memory_at(p, i, memory), w)
+    return T
 
 
-@kernel
-def _rate_of(site, L, memory, w, out):
-    rate(site.law, L, memory[site.start : site.end], w, out[site.start : site.end])
-
-
-@kernel
 def _rate_all(p, L, memory, w, out):
-    _rate_of(p.upper_column, L, memory, w, out)
-    _rate_of(p.lower_column, L, memory, w, out)
-    _rate_of(p.gear, L, memory, w, out)
-    _rate_of(p.rack, L, memory, w, out)
-    _rate_of(p.motor, L, memory, w, out)
+    for site in p:
+        rate(site.law, L, memory[site.start : site.end], w, out[site.start : site.end])
 
 
-@kernel
-def _stored_in(site, memory):
-    return stored_energy(site.law, memory[site.start : site.end])
-
-
-@kernel
 def _stored_in_all(p, memory):
-    return (
-        _stored_in(p.upper_column, memory)
-        + _stored_in(p.lower_column, memory)
-        + _stored_in(p.gear, memory)
-        + _stored_in(p.rack, memory)
-        + _stored_in(p.motor, memory)
-    )
+    return sum(stored_energy(site.law, memory[site.start : site.end]) for site in p)
+
+
+def bound(p: Any, wide: bool = False) -> Any:
+    """A law, or sites, as a :class:`Bound` of this process, which stays as it is; ``wide`` for four cars side by side."""
+    if isinstance(p, Bound):
+        return p
+    if not isinstance(p, Sites):
+        end = law_of(p).memory_size(p)
+        found, above, alone = [(p, 0, -1, 0, end)], 0, 1
+    else:
+        found, at, above, alone = [], 0, 0, 0
+        for name, site in p._asdict().items():
+            own = at + packing.numbers(site.law).size
+            if not _idle(site.law):
+                found.append((site.law, at, own, site.start, site.end))
+                above += name == ABOVE
+            at = own + _PER_SITE
+    places = np.array([place for _, *place in found], np.int64).reshape(-1, 4)
+    sizes, addresses = np.zeros((len(found), 1), np.int64), tuple(law for law, *_ in found)
+    if COMPILED:
+        units = [laws.bound(law, wide).code for law in addresses]
+        sizes = _stacked([unit.sizes for unit in units])
+        addresses = _stacked([unit.addresses for unit in units])
+    return Bound(packing.numbers(p), Table(addresses, sizes, places, above, alone))
+
+
+def _stacked(rows: list[NDArray[np.int64]]) -> NDArray[np.int64]:
+    """Rows of different lengths as one array."""
+    found = np.zeros((len(rows), max(map(len, rows), default=1)), np.int64)
+    for held, row in zip(found, rows):
+        held[: len(row)] = row
+    return found
+
+
+def _idle(law: Any) -> bool:
+    """Whether a law gives no torque at all, as the one at a site without friction."""
+    return law_of(law).name == NOTHING["law"] and law.sigma_2 == NOTHING["sigma_2"]
+
+
+_GROWTH = len(Level._fields)  # from the first number of a site's conditions to c_d
+_PER_SITE = _GROWTH + 4
 
 
 def _steepest_fall(p: Sites, torque_scale: float, h: float) -> float:
@@ -553,6 +537,18 @@ def _growth(efficiency: gear.Efficiency, p: Any) -> tuple[float, float]:
     return lost[0] / max(F, LEAST), lost[1] / max(F, LEAST)
 
 
+def _unbound(kernel: Any, p: Any, *arguments: Any) -> Any:
+    """A kernel of all sites, for a caller in Python."""
+    return kernel(bound(p), *arguments)
+
+
+_OF_ALL = {
+    "advance": _advance_all,
+    "torque": _torque_all,
+    "mean_torque": _mean_all,
+    "solve": _solve_all,
+    "rest_torque": _rest_all,
+}
 _TOGETHER = Law(
     name="sites",
     parameters=Sites,
@@ -566,16 +562,14 @@ _TOGETHER = Law(
     modes=lambda p: 0,
     permission=lambda p: {},
     extends="",
-    advance=_advance_all,
-    torque=_torque_all,
+    bind=bound,
     rate=_rate_all,
     stored_energy=_stored_in_all,
-    mean_torque=_mean_all,
-    solve=_solve_all,
-    rest_torque=_rest_all,
+    **{name: functools.partial(_unbound, kernel) for name, kernel in _OF_ALL.items()},
 )
 LAWS.know(Sites, _TOGETHER)
-LAWS.know(Below, _TOGETHER._replace(parameters=Below, mean_torque=_mean_sum))
+LAWS.know(Bound, _TOGETHER._replace(parameters=Bound, bind=lambda p, wide: p, **_OF_ALL))
+LAWS.know(Below, _TOGETHER._replace(parameters=Below, mean_torque=_mean_below))
 
 
 def wide(p: Any) -> bool:

@@ -83,9 +83,15 @@ def _arrange(n, m, j, k):
 
 @kernel
 def layout(p):
-    """The layout of a plant, in kernels; compiled code knows its numbers as constants."""
+    """The layout of a plant, in kernels; up to the motor compiled code knows its numbers as constants."""
     n, m, a = chassis.state_size(p.chassis), chassis.output_size(p.chassis), p.assist
     return _arrange(n, m, motor.size(a.motor), functions.size(a.functions))
+
+
+@kernel
+def layout_to_motor(p):
+    """As :func:`layout`, of a plant of which the steering is left out: right up to the motor."""
+    return _arrange(chassis.state_size(p.chassis), chassis.output_size(p.chassis), 0, 0)
 
 
 def layout_of(p: Any) -> Layout:

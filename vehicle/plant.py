@@ -25,7 +25,7 @@ from steer_env.friction.level import Level
 from steer_env.friction.numerics import scratch
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.interpolation import hermite
-from steer_env.friction.numerics.kernel import COMPILED, kernel, part, plain
+from steer_env.friction.numerics.kernel import COMPILED, binds, dispatch, kernel, part, plain
 from steer_env.friction.numerics.packing import common, of_row, of_rows
 from steer_env.friction.numerics.simd import any_of, apart, beside, broadcast, pack, place, unpack, where
 from steer_env.vehicle import chassis
@@ -38,7 +38,7 @@ from steer_env.vehicle.chassis.common.interface import (
     RACK_DISTURBANCE,
     Names,
 )
-from steer_env.vehicle.layout import layout, layout_of, size_of, states
+from steer_env.vehicle.layout import layout, layout_of, layout_to_motor, size_of, states
 from steer_env.vehicle.steering import column, eps, motor
 from steer_env.vehicle.steering.assist import functions
 from steer_env.vehicle.steering.assist.functions import Signals
@@ -96,6 +96,29 @@ class Plant(NamedTuple):
     friction_torque_scale: float = 1.0  # factor on the saturated friction, for example by wear or temperature [1]
 
 
+class Rolling(NamedTuple):
+    """What of a plant straight running in balance depends on."""
+
+    chassis: Any
+    strut: Any
+    tyre: Any
+    pinion_radius: float
+    rack_limit: float
+
+
+def bound(p: Any, wide: bool = False) -> Any:
+    """A plant as compiled kernels take it in this process, the same type for all friction and assists.
+
+    With ``wide``, for four cars side by side (:func:`run_fours`). What is bound stays as it is.
+    """
+    if isinstance(p.friction, sites.Bound):
+        return p
+    assist = p.assist
+    if not wide:
+        assist = assist._replace(functions=functions.bound(assist.functions), motor=motor.bound(assist.motor))
+    return p._replace(friction=sites.bound(p.friction, wide), assist=assist)
+
+
 @part
 def evaluate(p, state, u):
     """Evaluate the chassis at the present state: derivative, outputs and rack force; the last values become the former.
@@ -104,7 +127,7 @@ def evaluate(p, state, u):
     The chassis therefore receives the mean input since the last evaluation and half of the change since then, which
     gives a step its whole effect and a ramp no delay (N3).
     """
-    at = layout(p)
+    at = layout_to_motor(p)
     for i in range(at.rate_before - at.rate):
         state[at.rate_before + i] = state[at.rate + i]
     for i in range(at.outputs_before - at.outputs):
@@ -133,9 +156,8 @@ def evaluate(p, state, u):
 
 
 @part
-def sample(p, state, speed, request):
+def sample(p, at, state, speed, request):
     """One sample of the assist at a vehicle speed [m/s]; the commands that act before and after its offset [N m]."""
-    at = layout(p)
     torsion_bar_torque = p.column.K_tb * (state[column.HANDWHEEL_ANGLE] - state[column.COLUMN_ANGLE])
     measured = Signals(
         state[column.HANDWHEEL_ANGLE],
@@ -155,19 +177,20 @@ def sample(p, state, speed, request):
 
 
 @part
-def steer(p, state, hand, hand_speed, before, after, elapsed, force, h):
+def steer(p, at, state, hand, hand_speed, before, after, elapsed, force, h):
     """Advance column and motor by one step ``h`` under a mean rack force ``force`` [N]."""
-    at = layout(p)
     x, heat, speed = state[at.assist : at.steps], state[at.motor : at.functions], state[column.COLUMN_SPEED]
     T_m = eps.motor_step(p.assist, x, heat, before, after, elapsed, speed, h)
     T_C = T_m - p.pinion_radius * force  # (P2)
     position = state[column.COLUMN_ANGLE] + 0.5 * h * state[column.COLUMN_SPEED]  # in the middle of the step
     state[at.hand_torque + 1] = state[at.hand_torque]
     state[at.friction_torque + 1] = state[at.friction_torque]
+    scales = scratch.like(state, column.SCALES)
+    sites.scales(p.friction, p.level, p.friction_torque_scale, force, position, T_m, scales)  # (F11), (F44)
     _, _, T_F, T1 = column.step(
         p.column,
         p.friction,
-        sites.scales(p.friction, p.level, p.friction_torque_scale, force, position, T_m),  # (F11), (F44)
+        scales,
         state[at.column : at.assist],
         state[at.memory :],
         p.robot > 0.0,
@@ -183,7 +206,7 @@ def steer(p, state, hand, hand_speed, before, after, elapsed, force, h):
 @part
 def roll(p, state, s, u, h):
     """Advance the chassis by one step ``h``, whose middle lies ``s`` chassis steps after the last evaluation."""
-    at = layout(p)
+    at = layout_to_motor(p)
     chassis.advance(
         p.chassis,
         state[at.chassis : at.rate],
@@ -201,20 +224,19 @@ def roll(p, state, s, u, h):
 
 
 @part
-def _step(p, state, hand, hand_speed, before, after, elapsed, u, h):
+def _step(p, at, state, hand, hand_speed, before, after, elapsed, u, h):
     """Advance column, motor and chassis by one step ``h``; an evaluation of the chassis may follow."""
-    at = layout(p)
     s = (state[at.steps] + 0.5) / STEPS_PER_CHASSIS_STEP  # middle of the step, in chassis steps after the evaluation
     # (N1)
     force = state[at.rack_force] + s * (state[at.rack_force] - state[at.rack_force + 1]) + u[RACK_DISTURBANCE]
-    steer(p, state, hand, hand_speed, before, after, elapsed, force, h)
+    steer(p, at, state, hand, hand_speed, before, after, elapsed, force, h)
     roll(p, state, s, u, h)
 
 
 @part
 def report_column(p, state, row):
     """Fill the channels of column and assist, the first of a row."""
-    at = layout(p)
+    at = layout_to_motor(p)
     row[0] = state[column.HANDWHEEL_ANGLE]
     row[1] = state[column.HANDWHEEL_SPEED]
     # Step means are extrapolated to the end of the last step (N4); a prescribed hand torque is reported itself.
@@ -231,7 +253,7 @@ def report_column(p, state, row):
 @part
 def report_chassis(p, state, u, row):
     """Fill the rack force and the channels of the chassis, the rest of a row."""
-    at = layout(p)
+    at = layout_to_motor(p)
     s = state[at.steps] / STEPS_PER_CHASSIS_STEP
     row[0] = state[at.rack_force] + s * (state[at.rack_force] - state[at.rack_force + 1])
     chassis.report(
@@ -245,13 +267,28 @@ def report_chassis(p, state, u, row):
     )
 
 
+def rolling(p):
+    """What :func:`begin` takes of a plant, the same type for all steerings; in kernels too."""
+    return p if isinstance(p, Rolling) else _rolling(p)
+
+
+@kernel
+def _rolling(p):
+    return Rolling(p.chassis, p.strut, p.tyre, p.pinion_radius, p.rack_limit)
+
+
+dispatch(rolling, lambda kind, _: _rolling)
+
+
+@binds(0, rolling)
 @kernel
 def begin(p, state):
     """Write the state of straight running in balance; how many samples of it complete what is kept of the last steps.
 
     A car that does not run straight there, as on a road whose sides differ, or finds no balance is given five seconds.
+    ``p`` is a Plant; in kernels, where this is compiled once for each chassis, a Rolling.
     """
-    at = layout(p)
+    at = layout_to_motor(p)
     for i in range(state.size):
         state[i] = 0.0
     straight = chassis.begin(p.chassis, p.strut, p.tyre[0], state[at.chassis : at.rate])
@@ -263,6 +300,7 @@ def begin(p, state):
     return SETTLING if straight else RUN_IN
 
 
+@binds(0, bound)
 @kernel
 def run(p, state, inputs, record, substeps):
     """Advance the plant by one sample of 1 ms per row of inputs.
@@ -270,6 +308,7 @@ def run(p, state, inputs, record, substeps):
     Parameters
     ----------
     p : Plant
+        In kernels one that is bound (:func:`bound`).
     state : (S,) array
         Advanced in place; from :func:`initial_state`.
     inputs : (N, I) array
@@ -291,7 +330,7 @@ def run(p, state, inputs, record, substeps):
     for i in range(inputs.shape[0]):
         u = inputs[i]
         row = record[i if i < last else last]
-        before, after = sample(p, state, chassis.speed(p.chassis, state[at.chassis :]), u[ASSIST_REQUEST])
+        before, after = sample(p, at, state, chassis.speed(p.chassis, state[at.chassis :]), u[ASSIST_REQUEST])
         start, start_speed = state[column.HANDWHEEL_ANGLE], state[column.HANDWHEEL_SPEED]
         for j in range(substeps):
             hand, hand_speed = u[HAND], u[HAND_SPEED]
@@ -299,7 +338,7 @@ def run(p, state, inputs, record, substeps):
                 T = SAMPLE_TIME
                 hand, slope = hermite((j + 1) / substeps, start, hand, start_speed * T, hand_speed * T)
                 hand_speed = slope / T
-            _step(p, state, hand, hand_speed, before, after, j * h, u, h)
+            _step(p, at, state, hand, hand_speed, before, after, j * h, u, h)
             if any_of(state[at.steps] == STEPS_PER_CHASSIS_STEP):
                 evaluate(p, state, u)
                 state[at.steps] = 0.0
@@ -319,7 +358,7 @@ def run_rows(template, rows, states, inputs, channels, finite, low, high):
     Parameters
     ----------
     template : Plant
-        A plant of the kind that all rows have, or its outline; they share its tables of strut and road.
+        A bound plant of the kind that all rows have, or its outline; they share its tables of strut and road.
     rows : (N, K) array
         Numbers of the plants, as :func:`steer_env.friction.numerics.packing.pack` gives them.
     states : (N, S) array
@@ -344,7 +383,7 @@ def run_fours(template, common, rows, states, inputs, channels, finite, low, hig
     """
     samples, size, taken, told = inputs.shape[1], states.shape[1], inputs.shape[2], channels.shape[1]
     block, u, row = scratch.fours(1, size), scratch.fours(samples, taken), scratch.fours(1, told)
-    waits = scratch.fours(1, high - low)[0]
+    waits, of_friction = scratch.fours(1, high - low)[0], scratch.fours(1, template.friction.numbers.size)[0]
     for i in range(low, high):
         waits[i - low] = 1.0
     lanes = pack(0.0, 1.0, 2.0, 3.0)
@@ -359,11 +398,23 @@ def run_fours(template, common, rows, states, inputs, channels, finite, low, hig
                 k += 1
             beside(states, size, four, block)
             beside(inputs, samples * taken, four, u)
-            sound = run(of_rows(template, rows, four), block[0], u, row, 1)
+            sound = run(_side_by_side(of_rows(template, rows, four), of_friction), block[0], u, row, 1)
             apart(block, size, four, states)
             apart(row, told, four, channels)
             for k, each in zip(unpack(four), unpack(sound)):
                 finite[k] = each
+
+
+@kernel
+def _side_by_side(p, of_friction):
+    """Four plants with the numbers of their friction side by side in ``of_friction``, as its laws take them."""
+    for k in range(of_friction.size):
+        of_friction[k] = p.friction.numbers[k]
+    friction = sites.Bound(of_friction, p.friction.at)
+    steering = p.column, p.assist, friction
+    return Plant(
+        *steering, p.chassis, p.strut, p.tyre, p.pinion_radius, p.level, p.rack_limit, p.robot, p.friction_torque_scale
+    )
 
 
 def side_by_side(p: Plant) -> bool:
@@ -387,7 +438,7 @@ def _one_way(template, common, rows, states, i, k):
 def begin_rows(template, rows, states, samples, low, high):
     """As :func:`begin`, of the plants of :func:`run_rows`, with the results in ``samples`` (N,)."""
     for i in range(low, high):
-        samples[i] = begin(of_row(template, rows, i), states[i])
+        samples[i] = begin(_rolling(of_row(template, rows, i)), states[i])
 
 
 @kernel
@@ -399,7 +450,7 @@ def begin_fours(template, rows, states, samples, low, high):
     block = scratch.fours(1, states.shape[1])
     for i in range(low, high):
         four = place(broadcast(i))
-        samples[i] = begin(of_rows(template, rows, four), block[0])
+        samples[i] = begin(_rolling(of_rows(template, rows, four)), block[0])
         apart(block, states.shape[1], four, states)
 
 

@@ -9,6 +9,7 @@ internals. Where a version of numba lacks one of them, and where ``STEER_ENV_COM
 compiler takes over, with the same options and to the same numbers.
 """
 
+import functools
 import os
 from collections.abc import Callable
 from typing import Any
@@ -92,6 +93,20 @@ def dispatch(point: Callable, choose: Callable[[type, str], Any], **more: Any) -
     if _fast:
         options["pipeline_class"] = _fast.Drafter
     overload(point, jit_options=options, strict=False)(chosen)
+
+
+def binds(position: int, bound: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Give a kernel's argument at a position bound where the caller is Python; kernels hand it over bound."""
+
+    def decorated(compiled: Any) -> Any:
+        @functools.wraps(plain(compiled))
+        def entry(*arguments):
+            return compiled(*arguments[:position], bound(arguments[position]), *arguments[position + 1 :])
+
+        dispatch(entry, lambda kind, name: compiled, forceinline=True)
+        return entry
+
+    return decorated
 
 
 def plain(function: Any) -> Any:

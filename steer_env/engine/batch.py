@@ -167,8 +167,8 @@ class EnvironmentBatch:
     def _bind(self) -> None:
         """Look up the compiled kernels for the types of the arrays."""
         a, at = self.arrays, self._layout
-        self._outline = outline(self._template)
         fours = self.n >= 4 and plant.side_by_side(self._template)
+        self._outline = outline(plant.bound(self._template, wide=fours))
         self._advance = bind(advance_fours if fours else advance, a, at, self._outline, True, True, 0, self.n)
         begin = plant.begin_fours if fours else plant.begin_rows
         self._begin = bind(begin, self._outline, a.plants, a.states, np.zeros(self.n, int), 0, self.n)

@@ -20,7 +20,8 @@ Source: two-degree-of-freedom column of the steering-simulator literature, with 
 from typing import NamedTuple
 
 from steer_env.friction import sites
-from steer_env.friction.numerics.kernel import kernel
+from steer_env.friction.numerics import scratch
+from steer_env.friction.numerics.kernel import binds, kernel
 from steer_env.friction.numerics.simd import where
 from steer_env.vehicle.keys import checked
 
@@ -32,6 +33,7 @@ STATES = (
 )
 # Positions of these states, with which the state array of a plant begins.
 HANDWHEEL_ANGLE, HANDWHEEL_SPEED, COLUMN_ANGLE, COLUMN_SPEED = range(4)
+SCALES = 2 * sites.MOST  # of the friction, in both directions
 
 
 class Column(NamedTuple):
@@ -85,9 +87,9 @@ def step(c, friction, scales, q, memory, robot, hand, hand_speed, T_C, h):
     Parameters
     ----------
     c : Column
-    friction : parameters of a friction law
-    scales : steer_env.friction.level.Scales
-        Factors on the saturated friction by the direction of motion [1].
+    friction : steer_env.friction.sites.Bound
+    scales : (2 n,) array
+        Factors on the saturated friction of each site, of positive and of negative motion [1].
     q : (4,) array
         Handwheel angle and speed, column angle and speed [rad, rad/s]; advanced in place.
     memory : (M,) array
@@ -143,16 +145,22 @@ def step(c, friction, scales, q, memory, robot, hand, hand_speed, T_C, h):
     return w1, w2, T_F, T1
 
 
+@binds(1, sites.bound)
 @kernel
 def step_torque(c, friction, torque_scale, q, memory, T1, T_C, h):
     """:func:`step` under a hand torque: steering by torque, or free (``T1 = 0``). Returns ``w1, w2, T_F``."""
-    return step(c, friction, sites.uniform(friction, torque_scale), q, memory, False, T1, 0.0, T_C, h)[:3]
+    scales = scratch.like(q, SCALES)
+    sites.uniform(friction, torque_scale, scales)
+    return step(c, friction, scales, q, memory, False, T1, 0.0, T_C, h)[:3]
 
 
+@binds(1, sites.bound)
 @kernel
 def step_angle(c, friction, torque_scale, q, memory, angle, speed, T_C, h):
     """:func:`step` with a prescribed handwheel angle and speed at its end. Returns ``w1, w2, T_F, T1``."""
-    return step(c, friction, sites.uniform(friction, torque_scale), q, memory, True, angle, speed, T_C, h)
+    scales = scratch.like(q, SCALES)
+    sites.uniform(friction, torque_scale, scales)
+    return step(c, friction, scales, q, memory, True, angle, speed, T_C, h)
 
 
 @kernel

@@ -19,10 +19,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from steer_env.friction.numerics import unit
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.interpolation import bracket
-from steer_env.friction.numerics.kernel import dispatch, kernel
+from steer_env.friction.numerics.kernel import COMPILED, dispatch, kernel
+from steer_env.friction.numerics.unit import NONE, ONE, Function, Unit, array, caller, values
 from steer_env.vehicle.keys import checked
 from steer_env.vehicle.steering.assist.by_speed import table
 
@@ -166,9 +168,50 @@ def _warmed(m, x, torque, h):
         x[0] += h / m.thermal_time * ((torque / m.ratio / m.continuous) ** 2 - x[0])  # (E23)
 
 
+# The limits as a unit (steer_env.friction.numerics.unit), which is empty where there are none.
+
+
+@kernel
+def _limited_by(numbers, sizes, x, command, speed):
+    return _limited(values(numbers, sizes), array(x, sizes), command, speed)
+
+
+@kernel
+def _warmed_by(numbers, sizes, x, torque, h):
+    _warmed(values(numbers, sizes), array(x, sizes), torque, h)
+
+
+FUNCTIONS = (Function(_limited_by, "pnn", ONE), Function(_warmed_by, "pnn", NONE))
+_limit, _warm = caller(ONE), caller(NONE)
+
+
+@kernel
+def _size_of_unit(m):
+    return m.code.sizes[0]
+
+
+@kernel
+def _limited_of_unit(m, x, command, speed):
+    if m.code.addresses.size == 0:
+        return command
+    return _limit(m.code.addresses[0], m.numbers, m.code.sizes, (x, command, speed))
+
+
+@kernel
+def _warmed_of_unit(m, x, torque, h):
+    if m.code.addresses.size > 0:
+        _warm(m.code.addresses[1], m.numbers, m.code.sizes, (x, torque, h))
+
+
+def bound(m: Any) -> Any:
+    """The limits as compiled kernels take them in this process, so that these are compiled once for all."""
+    return unit.bound(m, () if isinstance(m, NoMotor) else FUNCTIONS, len(states(m))) if COMPILED else m
+
+
 _KERNELS: dict[type, dict[str, Any]] = {
     NoMotor: {"size": _no_size, "limited": _unlimited, "warm": _unwarmed},
     Motor: {"size": _size, "limited": _limited, "warm": _warmed},
+    Unit: {"size": _size_of_unit, "limited": _limited_of_unit, "warm": _warmed_of_unit},
 }
 
 # The dispatch points. Plain Python runs the bodies; compiled code takes the kernel for the class.

@@ -5,7 +5,7 @@ import numpy as np
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle import plant
-from steer_env.vehicle.layout import size_of, states
+from steer_env.vehicle.layout import layout, size_of, states
 from steer_env.vehicle.steering.column import COLUMN_ANGLE, COLUMN_SPEED, HANDWHEEL_ANGLE, HANDWHEEL_SPEED
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 from steer_env.vehicle.subsystems.car import FORCE, HANDS, named
@@ -33,17 +33,18 @@ def begin(p, state):
 @kernel
 def advance(p, state, given, inputs, outputs, samples):
     """Advance the steering by a communication step of so many samples; whether its state is finite."""
+    at = layout(p)
     start, start_speed = state[HANDWHEEL_ANGLE], state[HANDWHEEL_SPEED]
     row = outputs[0]
     for i in range(samples):
         hand, hand_speed = given[0], 0.0
         if p.robot > 0.0:
             hand, hand_speed = reached(start, start_speed, given[1], given[2], i + 1, samples)
-        before, after = plant.sample(p, state, given[5], given[3])
+        before, after = plant.sample(p, at, state, given[5], given[3])
         rack = p.pinion_radius * state[COLUMN_ANGLE]  # (P1)
         beyond = rack - within(rack, -p.rack_limit, p.rack_limit)
         force = given[4] + plant.STOP_STIFFNESS * beyond  # (P4)
-        plant.steer(p, state, hand, hand_speed, before, after, 0.0, force, SAMPLE_TIME)
+        plant.steer(p, at, state, hand, hand_speed, before, after, 0.0, force, SAMPLE_TIME)
     plant.report_column(p, state, row)
     row[_COLUMN] = p.pinion_radius * state[COLUMN_ANGLE]  # (P1)
     row[_COLUMN + 1] = p.pinion_radius * state[COLUMN_SPEED]

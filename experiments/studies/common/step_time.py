@@ -417,11 +417,12 @@ def _friction_alone(p, memory, w, steps):
 @kernel
 def _steering(p, state, inputs):
     """Assist and column with friction in a loop, under the rack force of a weave."""
+    at = layout(p)
     for i in range(inputs.shape[0]):
         u = inputs[i]
-        before, after = plant.sample(p, state, 27.8, 0.0)
+        before, after = plant.sample(p, at, state, 27.8, 0.0)
         force = 500.0 * math.sin(1e-3 * i)
-        plant.steer(p, state, u[HAND], u[HAND_SPEED], before, after, 0.0, force, SAMPLE_TIME)
+        plant.steer(p, at, state, u[HAND], u[HAND_SPEED], before, after, 0.0, force, SAMPLE_TIME)
 
 
 @kernel

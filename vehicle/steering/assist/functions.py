@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.interpolation import bracket
-from steer_env.friction.numerics.kernel import dispatch, kernel
+from steer_env.friction.numerics import unit
+from steer_env.friction.numerics.kernel import COMPILED, dispatch, kernel
+from steer_env.friction.numerics.unit import ONE, Function, Unit, array, caller, values
 from steer_env.vehicle.steering.assist import (
     active_return,
     damping,
@@ -182,9 +184,41 @@ def _with_functions(f, x, s, request):
     return request + returned + damped + accelerated + shifted + between(p.gain, i, u) * compensated
 
 
+# The functions as a unit (steer_env.friction.numerics.unit), which is empty where there are none.
+
+
+@kernel
+def _requested(numbers, sizes, x, angle, handwheel_speed, column_speed, torsion_bar_torque, speed, request):
+    measured = Signals(angle, handwheel_speed, column_speed, torsion_bar_torque, speed)
+    return _with_functions(values(numbers, sizes), array(x, sizes), measured, request)
+
+
+_request = caller(ONE)
+
+
+@kernel
+def _size_of_unit(f):
+    return f.code.sizes[0]
+
+
+@kernel
+def _requested_of_unit(f, x, s, request):
+    if f.code.addresses.size == 0:
+        return request
+    given = (x, s.handwheel_angle, s.handwheel_speed, s.column_speed, s.torsion_bar_torque, s.speed, request)
+    return _request(f.code.addresses[0], f.numbers, f.code.sizes, given)
+
+
+def bound(f: Any) -> Any:
+    """The functions as compiled kernels take them in this process, so that these are compiled once for all."""
+    given = () if isinstance(f, NoFunctions) else (Function(_requested, "pnnnnnn", ONE),)
+    return unit.bound(f, given, len(states(f))) if COMPILED else f
+
+
 _KERNELS: dict[type, dict[str, Any]] = {
     NoFunctions: {"size": _no_size, "requested": _unchanged},
     Functions: {"size": _size, "requested": _with_functions},
+    Unit: {"size": _size_of_unit, "requested": _requested_of_unit},
 }
 
 # The dispatch points. Plain Python runs the bodies; compiled code takes the kernel for the class.
