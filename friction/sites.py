@@ -47,7 +47,7 @@ from steer_env.friction.level import make as make_level
 from steer_env.friction.level import scales as level_scales
 from steer_env.friction.numerics import packing, scratch
 from steer_env.friction.numerics.check import constructed, not_negative, one_of
-from steer_env.friction.numerics.kernel import COMPILED, dispatch, kernel
+from steer_env.friction.numerics.kernel import COMPILED, dispatch, kernel, part
 from steer_env.friction.numerics.packing import of_row, shared
 from steer_env.friction.numerics.simd import all_of, any_of, maximum, negated, where
 from steer_env.friction.numerics.unit import Code, Unit
@@ -131,7 +131,7 @@ def _law_at(p, i):
 dispatch(law_at, lambda kind, _: _law_at)
 
 
-@kernel
+@part  # a kernel cannot return a part of an array
 def _memory_at(p, i, memory):
     return memory[p.at.places[i, 2] : p.at.places[i, 3]]
 

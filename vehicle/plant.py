@@ -74,7 +74,7 @@ CHANNEL = {name: i for i, (name, _) in enumerate(CHANNELS)}
 
 STEPS_PER_CHASSIS_STEP = 2  # column steps for each evaluation of the chassis
 CHASSIS_STEP = STEPS_PER_CHASSIS_STEP * SAMPLE_TIME  # [s]
-_INPUTS = len(INPUTS)
+_INPUTS, SCALES = len(INPUTS), column.SCALES
 SETTLING, RUN_IN = 2 * STEPS_PER_CHASSIS_STEP, 5000  # samples before a drive, from a balance and without one
 STOP_STIFFNESS = 2e6  # of the end stops of the rack, assumed [N/m]
 
@@ -185,7 +185,7 @@ def steer(p, at, state, hand, hand_speed, before, after, elapsed, force, h):
     position = state[column.COLUMN_ANGLE] + 0.5 * h * state[column.COLUMN_SPEED]  # in the middle of the step
     state[at.hand_torque + 1] = state[at.hand_torque]
     state[at.friction_torque + 1] = state[at.friction_torque]
-    scales = scratch.like(state, column.SCALES)
+    scales = scratch.like(state, SCALES)
     sites.scales(p.friction, p.level, p.friction_torque_scale, force, position, T_m, scales)  # (F11), (F44)
     _, _, T_F, T1 = column.step(
         p.column,

@@ -187,7 +187,7 @@ class _Walk:
         while todo := {(point, kind) for point in self._points for kind in self._classes} - done:
             for point, kind in todo:
                 chosen = POINTS[point](kind, point.__name__)
-                if chosen is not None:
+                if isinstance(chosen, FunctionType | Dispatcher):  # else it is for callers in Python alone
                     self.function(getattr(chosen, "py_func", chosen))
             done |= todo
         return sorted(self.parts)
