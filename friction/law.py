@@ -21,7 +21,7 @@ from steer_env.friction.numerics import unit
 from steer_env.friction.numerics.kernel import COMPILED, dispatch, kernel
 from steer_env.friction.numerics.registry import Registry
 from steer_env.friction.numerics.simd import any_of, negated, where
-from steer_env.friction.numerics.unit import NONE, ONE, TWO, Function, Unit, array, caller, values
+from steer_env.friction.numerics.unit import NONE, ONE, TWO, Function, Part, Unit, array, caller, values
 
 
 class Sliders(NamedTuple):
@@ -432,27 +432,27 @@ TORQUE, ADVANCE, REST_TORQUE, SOLVE, MEAN_TORQUE = range(len(FUNCTIONS))
 
 @kernel
 def _torque_of_unit(p, torque_scale, memory, w):
-    return _number(p.code.addresses[TORQUE], p.numbers, p.code.sizes, (torque_scale, memory, w))
+    return _number(p, TORQUE, (torque_scale, memory, w))
 
 
 @kernel
 def _advance_of_unit(p, torque_scale, memory, w, h):
-    _nothing(p.code.addresses[ADVANCE], p.numbers, p.code.sizes, (torque_scale, memory, w, h))
+    _nothing(p, ADVANCE, (torque_scale, memory, w, h))
 
 
 @kernel
 def _rest_torque_of_unit(p, torque_scale, memory, h):
-    return _number(p.code.addresses[REST_TORQUE], p.numbers, p.code.sizes, (torque_scale, memory, h))
+    return _number(p, REST_TORQUE, (torque_scale, memory, h))
 
 
 @kernel
 def _solve_of_unit(p, torque_scale, memory, S, R, h, w_guess):
-    return _number(p.code.addresses[SOLVE], p.numbers, p.code.sizes, (torque_scale, memory, S, R, h, w_guess))
+    return _number(p, SOLVE, (torque_scale, memory, S, R, h, w_guess))
 
 
 @kernel
 def _mean_torque_of_unit(p, torque_scale, memory, w, h):
-    return _pair(p.code.addresses[MEAN_TORQUE], p.numbers, p.code.sizes, (torque_scale, memory, w, h))
+    return _pair(p, MEAN_TORQUE, (torque_scale, memory, w, h))
 
 
 def bound(p: Any, wide: bool = False) -> Any:
@@ -551,3 +551,4 @@ _UNIT = Law(
     bind=lambda p, wide: p,
 )
 LAWS.know(Unit, _UNIT)
+LAWS.know(Part, _UNIT)

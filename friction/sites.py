@@ -47,10 +47,10 @@ from steer_env.friction.level import make as make_level
 from steer_env.friction.level import scales as level_scales
 from steer_env.friction.numerics import packing, scratch
 from steer_env.friction.numerics.check import constructed, not_negative, one_of
-from steer_env.friction.numerics.kernel import COMPILED, dispatch, kernel, part
+from steer_env.friction.numerics.kernel import COMPILED, dispatch, kernel
 from steer_env.friction.numerics.packing import of_row, shared
 from steer_env.friction.numerics.simd import all_of, any_of, maximum, negated, where
-from steer_env.friction.numerics.unit import Code, Unit
+from steer_env.friction.numerics.unit import Part, address_of, between
 
 NOTHING = {"law": "viscous", "sigma_2": 0.0}
 ABOVE, BELOW = "upper_column", ("lower_column", "gear", "rack", "motor")
@@ -125,20 +125,17 @@ def law_at(p, i):
 
 @kernel
 def _law_at(p, i):
-    return Unit(p.numbers[p.at.places[i, 0] :], Code(p.at.addresses[i], p.at.sizes[i]))
+    return Part(
+        address_of(p.at.addresses, i), address_of(p.numbers, p.at.places[i, 0]), address_of(p.at.sizes, i)
+    )
 
 
 dispatch(law_at, lambda kind, _: _law_at)
 
 
-@part  # a kernel cannot return a part of an array
-def _memory_at(p, i, memory):
-    return memory[p.at.places[i, 2] : p.at.places[i, 3]]
-
-
 @kernel
-def joint(p, scales, memory, step, w1, w2):
-    """One step of (F43) under forces: the mean speeds, and the torques above and below the bar.
+def joint(p, scales, memory, step, w1, w2, led):
+    """One step of (F43): the mean speeds, and the torques above and below the bar.
 
     Parameters
     ----------
@@ -149,7 +146,9 @@ def joint(p, scales, memory, step, w1, w2):
         Advanced in place.
     step : Step
     w1, w2 : float
-        Speeds from which the search begins [rad/s].
+        Speeds from which the search begins [rad/s]; ``w1`` is the speed itself where it is prescribed.
+    led : bool
+        Whether the speed above the bar is prescribed, in place of the first equation.
 
     Returns
     -------
@@ -160,83 +159,53 @@ def joint(p, scales, memory, step, w1, w2):
     """
     a, R1, K, S, R2, h = step
     if p.at.alone:
-        S -= K * K / a  # (C5)
-        R2 += K / a * R1  # (C5)
-        w2, T = _step_alone(p, scales, memory, S, R2, h, w2)
-        return (R1 + K * w2) / a, w2, 0.0 * a, T  # (C7)
+        S -= 0.0 if led else K * K / a  # (C5)
+        R2 += K * w1 if led else K / a * R1  # (C5)
+        law = law_at(p, 0)
+        scale = chosen(law, Scales(scales[0], scales[1]), memory, R2, h)  # (F11)
+        w2, T = law_step(law, scale, memory, S, R2, h, w2)
+        return w1 if led else (R1 + K * w2) / a, w2, 0.0 * a, T  # (C7)
     held, rests = scratch.like(memory, MOST), scratch.like(memory, MOST)
     L, taken = scratch.like(memory, MOST), scratch.like(memory, MOST)
     rest = _held_below(p, scales, memory, h, held, rests)
     for i in range(p.at.above, p.at.places.shape[0]):
         L[i] = held[i]
-    scale = _chosen_above(p, scales, memory, R1 + K * w2, h)  # (F11)
-    w1 = _solved_above(p, scale, memory, a, R1 + K * w2, h, w1)  # (F43)
-    going = True
-    for i in range(MOST_ROUNDS):
-        # Above the bar, w1 + slope (w - w2) while the speed w below it is sought. A slope may lead to and fro across a
-        # kink; without it the rounds converge by K^2/(a S).
-        steep = mean_torque(law_at(p, 0), scale, _memory_at(p, 0, memory), w1, h)[1] if p.at.above else 0.0 * a
-        slope = where((w1 != 0.0) & (i < WITH_SLOPE), K / (a + steep), 0.0)
+    scale, expected, going = 0.0, w1, True
+    for i in range(MOST_ROUNDS + 1):
+        # Above the bar, at the speed w2 below it
+        R = where(led, math.copysign(math.inf, w1), R1 + K * w2)
+        w, slope = R / a, 0.0  # (F43) without friction
+        if p.at.above:
+            law, own = law_at(p, 0), between(memory, p.at.places[0, 2], p.at.places[0, 3])
+            scale = where(going, chosen(law, Scales(scales[0], scales[1]), own, R, h), scale)  # (F11)
+            if not led:
+                w = solve(law, scale, own, a, R, h, expected)  # (F43)
+        w1 = where(going & (not led), w, w1)
+        if i > 0:
+            close = K * abs(w1 - expected) <= CLOSE * (S * abs(w2) + abs(R2) + K * (abs(w1) + abs(R1) / a))
+            going = going & negated(close)
+            if led or i == MOST_ROUNDS or not any_of(going):
+                break
+        # Below it, with w1 + slope (w - w2) while the speed w is sought. A slope may lead to and fro across a kink;
+        # without it the rounds converge by K^2/(a S).
+        if not led:
+            steep = mean_torque(law_at(p, 0), scale, between(memory, p.at.places[0, 2], p.at.places[0, 3]), w1, h)[1] if p.at.above else 0.0 * a
+            slope = where((w1 != 0.0) & (i < WITH_SLOPE), K / (a + steep), 0.0)
         w = _solved_below(p, scales, held, rests, rest, memory, S - K * slope, R2 + K * (w1 - slope * w2), h, w2, taken)
         expected = w1 + slope * (w - w2)
         for j in range(p.at.above, p.at.places.shape[0]):
             L[j] = where(going, taken[j], L[j])
         w2 = where(going, w, w2)
-        scale = where(going, _chosen_above(p, scales, memory, R1 + K * w2, h), scale)  # (F11)
-        w1 = where(going, _solved_above(p, scale, memory, a, R1 + K * w2, h, expected), w1)
-        close = K * abs(w1 - expected) <= CLOSE * (S * abs(w2) + abs(R2) + K * (abs(w1) + abs(R1) / a))
-        going = going & negated(close)
-        if not any_of(going):
-            break
+    T_above = 0.0 * a if led else R1 + K * w2 - a * w1
     if p.at.above:
-        advance(law_at(p, 0), scale, _memory_at(p, 0, memory), w1, h)
-    _advance_below(p, L, memory, w2, h)
-    return w1, w2, R1 + K * w2 - a * w1, R2 + K * w1 - S * w2
-
-
-@kernel
-def led(p, scales, memory, w1, S, R, h, w2):
-    """One step with the speed ``w1`` prescribed above the bar; ``R`` has K w1 in it. As :func:`joint`.
-
-    Returns
-    -------
-    w2 : float
-    T_above, T_below : float
-    """
-    T_above = 0.0 * S
-    if p.at.alone:
-        w2, T = _step_alone(p, scales, memory, S, R, h, w2)
-        return w2, T_above, T
-    if p.at.above:
-        law, own = law_at(p, 0), _memory_at(p, 0, memory)
-        scale = _chosen_above(p, scales, memory, math.copysign(math.inf, w1), h)  # (F11)
-        moving, _ = mean_torque(law, scale, own, w1, h)
-        T_above = where(w1 != 0.0, moving, rest_torque(law, scale, own, h))
+        law, own = law_at(p, 0), between(memory, p.at.places[0, 2], p.at.places[0, 3])
+        if led:
+            moving, _ = mean_torque(law, scale, own, w1, h)
+            T_above = where(w1 != 0.0, moving, rest_torque(law, scale, own, h))
         advance(law, scale, own, w1, h)
-    held, rests, L = scratch.like(memory, MOST), scratch.like(memory, MOST), scratch.like(memory, MOST)
-    rest = _held_below(p, scales, memory, h, held, rests)
-    w2 = _solved_below(p, scales, held, rests, rest, memory, S, R, h, w2, L)
-    _advance_below(p, L, memory, w2, h)
-    return w2, T_above, R - S * w2
-
-
-@kernel
-def _step_alone(p, scales, memory, S, R, h, w_guess):
-    law = law_at(p, 0)
-    scale = chosen(law, Scales(scales[0], scales[1]), memory, R, h)  # (F11)
-    return law_step(law, scale, memory, S, R, h, w_guess)
-
-
-@kernel
-def _chosen_above(p, scales, memory, R, h):
-    if not p.at.above:
-        return 0.0
-    return chosen(law_at(p, 0), Scales(scales[0], scales[1]), _memory_at(p, 0, memory), R, h)
-
-
-@kernel
-def _solved_above(p, scale, memory, a, R, h, guess):
-    return solve(law_at(p, 0), scale, _memory_at(p, 0, memory), a, R, h, guess) if p.at.above else R / a
+    for i in range(p.at.above, p.at.places.shape[0]):
+        advance(law_at(p, i), L[i], between(memory, p.at.places[i, 2], p.at.places[i, 3]), w2, h)
+    return w1, w2, T_above, R2 + K * w1 - S * w2
 
 
 @kernel
@@ -244,7 +213,7 @@ def _held_below(p, scales, memory, h, held, rests):
     """The scales with which the memories below the bar are loaded, and cut back to; the torques at rest, and their sum."""
     rest = 0.0
     for i in range(p.at.above, p.at.places.shape[0]):
-        law, own = law_at(p, i), _memory_at(p, i, memory)
+        law, own = law_at(p, i), between(memory, p.at.places[i, 2], p.at.places[i, 3])
         held[i] = held_scale(law, Scales(scales[2 * i], scales[2 * i + 1]), own)
         rests[i] = rest_torque(law, held[i], own, h)
         rest += rests[i]
@@ -261,7 +230,7 @@ def _solved_below(p, scales, held, rests, rest, memory, S, R, h, guess, L):
         return R - rest
     side = where(R > rest, 1.0, -1.0)
     for i in range(p.at.above, p.at.places.shape[0]):
-        law, own, both = law_at(p, i), _memory_at(p, i, memory), Scales(scales[2 * i], scales[2 * i + 1])
+        law, own, both = law_at(p, i), between(memory, p.at.places[i, 2], p.at.places[i, 3]), Scales(scales[2 * i], scales[2 * i + 1])
         if not all_of(both.positive == both.negative):  # else the one that holds it
             L[i] = where(still, held[i], own_scale(law, both, held[i], rests[i], own, side, h))
     return where(still, 0.0, _moved(Below(p), L, memory, S, R, h, guess, side))
@@ -279,16 +248,10 @@ def _mean_below(p, L, memory, w, h):
     """Sum of the mean torques below the bar [N m], and its derivative by the speed [N m s/rad]."""
     T = slope = 0.0
     for i in range(p.friction.at.above, p.friction.at.places.shape[0]):
-        own, steep = mean_torque(law_at(p.friction, i), L[i], _memory_at(p.friction, i, memory), w, h)
+        own, steep = mean_torque(law_at(p.friction, i), L[i], between(memory, p.friction.at.places[i, 2], p.friction.at.places[i, 3]), w, h)
         T += own
         slope += steep
     return T, slope
-
-
-@kernel
-def _advance_below(p, L, memory, w, h):
-    for i in range(p.at.above, p.at.places.shape[0]):
-        advance(law_at(p, i), L[i], _memory_at(p, i, memory), w, h)
 
 
 @kernel
@@ -355,7 +318,7 @@ def _mean_all(p, L, memory, w, h):
     _same(p, L, each)
     T, slope = _mean_below(Below(p), each, memory, w, h)
     if p.at.above:
-        above, steep = mean_torque(law_at(p, 0), L, _memory_at(p, 0, memory), w, h)
+        above, steep = mean_torque(law_at(p, 0), L, between(memory, p.at.places[0, 2], p.at.places[0, 3]), w, h)
         return above + T, steep + slope
     return T, slope
 
@@ -364,14 +327,14 @@ def _mean_all(p, L, memory, w, h):
 def _rest_all(p, L, memory, h):
     rest = 0.0
     for i in range(p.at.above, p.at.places.shape[0]):
-        rest += rest_torque(law_at(p, i), L, _memory_at(p, i, memory), h)
-    return rest_torque(law_at(p, 0), L, _memory_at(p, 0, memory), h) + rest if p.at.above else rest
+        rest += rest_torque(law_at(p, i), L, between(memory, p.at.places[i, 2], p.at.places[i, 3]), h)
+    return rest_torque(law_at(p, 0), L, between(memory, p.at.places[0, 2], p.at.places[0, 3]), h) + rest if p.at.above else rest
 
 
 @kernel
 def _advance_all(p, L, memory, w, h):
     for i in range(p.at.places.shape[0]):
-        advance(law_at(p, i), L, _memory_at(p, i, memory), w, h)
+        advance(law_at(p, i), L, between(memory, p.at.places[i, 2], p.at.places[i, 3]), w, h)
 
 
 @kernel
@@ -384,7 +347,7 @@ def _solve_all(p, L, memory, S, R, h, w_guess):
 def _torque_all(p, L, memory, w):
     T = 0.0
     for i in range(p.at.places.shape[0]):
-        T += torque(law_at(p, i), L, _memory_at(p, i, memory), w)
+        T += torque(law_at(p, i), L, between(memory, p.at.places[i, 2], p.at.places[i, 3]), w)
     return T
 
 

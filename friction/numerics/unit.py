@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 
 from steer_env.friction.numerics import packing, simd
 from steer_env.friction.numerics.frozen import frozen
+from steer_env.friction.numerics.kernel import COMPILED
 
 _intrinsic: Any = extending.intrinsic  # whose first argument no caller gives
 WORD = ir.IntType(64)
@@ -52,6 +53,14 @@ class Unit(NamedTuple):
 
     numbers: NDArray[np.float64]  # (K,)
     code: Code
+
+
+class Part(NamedTuple):
+    """A unit in kernels, by the addresses of what it consists of."""
+
+    addresses: int
+    numbers: int
+    sizes: int
 
 
 Code.__reduce__ = _bound_anew  # type: ignore[method-assign,assignment]
@@ -150,39 +159,78 @@ def _array(context: Any, builder: Any, kind: Any, data: Any, shape: Sequence[Any
     return made._getvalue(), size
 
 
-def caller(returns: Any) -> Any:
-    """What calls a function of a unit in kernels: ``(address, numbers, sizes, (...))``, whose arrays go by address.
+@_intrinsic
+def address_of(typing_context, array, i):
+    """The address of an element of a contiguous array, or of a row of it."""
 
-    ``returns`` makes the type of the result from that of a number, which is a vector where the numbers are.
+    def generate(context, builder, signature, arguments):
+        found = context.make_array(signature.args[0])(context, builder, arguments[0])
+        stride = builder.extract_value(found.strides, 0)  # in bytes
+        start = builder.ptrtoint(found.data, WORD)
+        return builder.add(start, builder.mul(stride, arguments[1]))
+
+    return types.int64(array, types.int64), generate
+
+
+@_intrinsic
+def _between(typing_context, array, start, end):
+    def generate(context, builder, signature, arguments):
+        data = context.make_array(array)(context, builder, arguments[0]).data
+        first, length = builder.gep(data, [arguments[1]]), builder.sub(arguments[2], arguments[1])
+        return _array(context, builder, array, first, [length])[0]
+
+    return array(array, types.int64, types.int64), generate
+
+
+# Part of a contiguous array (M,), which kernels cannot return.
+between: Any = _between if COMPILED else lambda array, start, end: array[start:end]
+
+
+def caller(returns: Any) -> Any:
+    """What calls a function of a unit, or of a part, in kernels: ``(unit, k, (...))``, whose arrays go by address.
+
+    ``returns`` makes the type of the result from that of a number, which is a vector where the arrays hold vectors.
     """
 
     @_intrinsic
-    def call(typing_context, address, numbers, sizes, rest):
-        number = numbers.dtype
-        kinds = [numbers, sizes, *rest]
-        given = [types.CPointer(kind.dtype) if isinstance(kind, types.Array) else number for kind in kinds]
+    def call(typing_context, unit, k, rest):
+        number = next(kind.dtype for kind in rest if isinstance(kind, types.Array))
+        taken = [types.CPointer(number) if isinstance(kind, types.Array) else number for kind in rest]
+        given = [types.CPointer(number), types.CPointer(types.int64), *taken]
         result = returns(number)
 
         def generate(context, builder, signature, arguments):
             convention = context.call_conv
-            packed = []
-            every = [*arguments[1:3], *cgutils.unpack_tuple(builder, arguments[3])]
-            for kind, taken, value in zip(kinds, given, every):
-                if isinstance(kind, types.Array):
-                    packed.append(context.make_array(kind)(context, builder, value).data)
-                else:
-                    packed.append(context.cast(builder, value, kind, taken))
+
+            def pointer(kind: Any, value: Any, element: Any) -> Any:
+                """The address of an array, or one that is given, of elements of a type."""
+                target = context.get_value_type(types.CPointer(element))
+                if not isinstance(kind, types.Array):
+                    return builder.inttoptr(value, target)
+                return builder.bitcast(context.make_array(kind)(context, builder, value).data, target)
+
+            if unit.instance_class is Part:
+                kinds, found = [types.int64] * 3, cgutils.unpack_tuple(builder, arguments[0])
+            else:
+                numbers, code = cgutils.unpack_tuple(builder, arguments[0])
+                addresses, lengths = cgutils.unpack_tuple(builder, code)
+                kinds, found = [unit[1][0], unit[0], unit[1][1]], [addresses, numbers, lengths]
+            table, numbers, lengths = map(pointer, kinds, found, [types.int64, number, types.int64])
+            packed = [numbers, lengths]
+            for kind, wanted, value in zip(rest, taken, cgutils.unpack_tuple(builder, arguments[2])):
+                is_array = isinstance(kind, types.Array)
+                packed.append(pointer(kind, value, number) if is_array else context.cast(builder, value, kind, wanted))
             function = convention.get_function_type(result, given)
             returned = cgutils.alloca_once(builder, function.args[0].pointee)
             exception = cgutils.alloca_once(builder, function.args[1].pointee)
-            at = builder.inttoptr(arguments[0], function.as_pointer())
+            at = builder.inttoptr(builder.load(builder.gep(table, [arguments[1]])), function.as_pointer())
             status = builder.call(at, [returned, exception, *packed])
             with cgutils.if_unlikely(builder, cgutils.is_not_null(builder, status)):
                 builder.store(builder.load(exception), convention._get_excinfo_argument(builder.function))
                 builder.ret(status)
             return context.get_returned_value(builder, result, builder.load(returned))
 
-        return result(address, numbers, sizes, rest), generate
+        return result(unit, types.int64, rest), generate
 
     return call
 

@@ -124,16 +124,15 @@ def step(c, friction, scales, q, memory, robot, hand, hand_speed, T_C, h):
     # (C2) over a step: S w2 + mean T_F = R + K w1 (C6)
     S = 2.0 * c.I2 / h + c.C2 + K
     R = 2.0 * c.I2 / h * q[COLUMN_SPEED] + torsion_bar_torque + T_C
+    both = sites.Step(a11, r1 + hand, K, S, R, h)
+    w1 = (hand - q[HANDWHEEL_ANGLE]) / h if robot else q[HANDWHEEL_SPEED]
+    w1, w2, T_above, T_F = sites.joint(friction, scales, memory, both, w1, q[COLUMN_SPEED], robot)  # (C6)
     if robot:
-        w1 = (hand - q[HANDWHEEL_ANGLE]) / h
-        w2, T_above, T_F = sites.led(friction, scales, memory, w1, S, R + K * w1, h, q[COLUMN_SPEED])  # (C6)
         # (C7)
         T1 = c.I1 * (hand_speed - q[HANDWHEEL_SPEED]) / h + c.C1 * w1 + torsion_bar_torque + K * (w1 - w2) + T_above
         q[HANDWHEEL_ANGLE] = hand
         q[HANDWHEEL_SPEED] = hand_speed
     else:
-        both = sites.Step(a11, r1 + hand, K, S, R, h)
-        w1, w2, _, T_F = sites.joint(friction, scales, memory, both, q[HANDWHEEL_SPEED], q[COLUMN_SPEED])
         change = 2.0 * (w1 - q[HANDWHEEL_SPEED])
         # (C3) over a step
         T1 = hand - c.I_arm * change / h - c.C_arm * w1 - c.K_arm * (q[HANDWHEEL_ANGLE] + 0.5 * h * w1)

@@ -194,13 +194,13 @@ def _size_of_unit(m):
 def _limited_of_unit(m, x, command, speed):
     if m.code.addresses.size == 0:
         return command
-    return _limit(m.code.addresses[0], m.numbers, m.code.sizes, (x, command, speed))
+    return _limit(m, 0, (x, command, speed))
 
 
 @kernel
 def _warmed_of_unit(m, x, torque, h):
     if m.code.addresses.size > 0:
-        _warm(m.code.addresses[1], m.numbers, m.code.sizes, (x, torque, h))
+        _warm(m, 1, (x, torque, h))
 
 
 def bound(m: Any) -> Any:

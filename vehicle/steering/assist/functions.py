@@ -206,7 +206,7 @@ def _requested_of_unit(f, x, s, request):
     if f.code.addresses.size == 0:
         return request
     given = (x, s.handwheel_angle, s.handwheel_speed, s.column_speed, s.torsion_bar_torque, s.speed, request)
-    return _request(f.code.addresses[0], f.numbers, f.code.sizes, given)
+    return _request(f, 0, given)
 
 
 def bound(f: Any) -> Any:
