@@ -17,11 +17,9 @@ import numpy as np
 
 from steer_env.friction import fitted_file, ode
 from steer_env.friction.numerics.check import constructed, read_number
-from steer_env.friction.numerics import unit
-from steer_env.friction.numerics.kernel import COMPILED, dispatch, kernel
+from steer_env.friction.numerics.kernel import dispatch, kernel
 from steer_env.friction.numerics.registry import Registry
 from steer_env.friction.numerics.simd import any_of, negated, where
-from steer_env.friction.numerics.unit import NONE, ONE, TWO, Function, Part, Unit, array, caller, values
 
 
 class Sliders(NamedTuple):
@@ -59,7 +57,6 @@ class Law(NamedTuple):
     mean_torque: Callable | None
     solve: Callable
     rest_torque: Callable  # (p, torque_scale, memory, h) -> mean torque of a step at rest, which decides its side [N m]
-    bind: Callable[[Any, bool], Any]  # (p, wide) -> what :func:`bound` returns
 
 
 TEXT = "LAW[,key=value...], a list of numbers as a:b:c, or a fitted FILE.json"  # a law as text
@@ -175,7 +172,6 @@ def register(
         modes=modes or (lambda p: 0),
         permission=permission or (lambda p: {}),
         extends=extends,
-        bind=_unit,
         **_completed(name, parameters, given),
     )
     LAWS.register(name, law, parameters)
@@ -391,88 +387,6 @@ def _newton(p, torque_scale, memory, S, R, h, w_guess):
     return newton(p, torque_scale, memory, S, R, h, w_guess, rest_torque(p, torque_scale, memory, h))
 
 
-# A law as a unit (steer_env.friction.numerics.unit): its functions by address, and what calls them.
-
-
-@kernel
-def _torque(numbers, sizes, torque_scale, memory, w):
-    return torque(values(numbers, sizes), torque_scale, array(memory, sizes), w)
-
-
-@kernel
-def _advance(numbers, sizes, torque_scale, memory, w, h):
-    advance(values(numbers, sizes), torque_scale, array(memory, sizes), w, h)
-
-
-@kernel
-def _mean_torque(numbers, sizes, torque_scale, memory, w, h):
-    return mean_torque(values(numbers, sizes), torque_scale, array(memory, sizes), w, h)
-
-
-@kernel
-def _solve(numbers, sizes, torque_scale, memory, S, R, h, w_guess):
-    return solve(values(numbers, sizes), torque_scale, array(memory, sizes), S, R, h, w_guess)
-
-
-@kernel
-def _rest_torque(numbers, sizes, torque_scale, memory, h):
-    return rest_torque(values(numbers, sizes), torque_scale, array(memory, sizes), h)
-
-
-_number, _pair, _nothing = (caller(returns) for returns in (ONE, TWO, NONE))
-FUNCTIONS = {  # of a unit, in the order of their addresses
-    "torque": Function(_torque, "npn", ONE),
-    "advance": Function(_advance, "npnn", NONE),
-    "rest_torque": Function(_rest_torque, "npn", ONE),
-    "solve": Function(_solve, "npnnnn", ONE),
-    "mean_torque": Function(_mean_torque, "npnn", TWO),
-}
-TORQUE, ADVANCE, REST_TORQUE, SOLVE, MEAN_TORQUE = range(len(FUNCTIONS))
-
-
-@kernel
-def _torque_of_unit(p, torque_scale, memory, w):
-    return _number(p, TORQUE, (torque_scale, memory, w))
-
-
-@kernel
-def _advance_of_unit(p, torque_scale, memory, w, h):
-    _nothing(p, ADVANCE, (torque_scale, memory, w, h))
-
-
-@kernel
-def _rest_torque_of_unit(p, torque_scale, memory, h):
-    return _number(p, REST_TORQUE, (torque_scale, memory, h))
-
-
-@kernel
-def _solve_of_unit(p, torque_scale, memory, S, R, h, w_guess):
-    return _number(p, SOLVE, (torque_scale, memory, S, R, h, w_guess))
-
-
-@kernel
-def _mean_torque_of_unit(p, torque_scale, memory, w, h):
-    return _pair(p, MEAN_TORQUE, (torque_scale, memory, w, h))
-
-
-def bound(p: Any, wide: bool = False) -> Any:
-    """A law or sites as compiled kernels take them, so that these are compiled once for all; what is bound stays so.
-
-    It belongs to this process. ``wide`` is for kernels of four cars side by side.
-    """
-    return p if not COMPILED or isinstance(p, Unit) else law_of(p).bind(p, wide)
-
-
-def _unit(p: Any, wide: bool) -> Unit:
-    """A law as a unit."""
-    law = law_of(p)
-    given = FUNCTIONS if law.mean_torque else {name: FUNCTIONS[name] for name in tuple(FUNCTIONS)[:MEAN_TORQUE]}
-    try:
-        return unit.bound(p, tuple(given.values()), law.memory_size(p), wide)
-    except TypeError as error:
-        raise ValueError(f"friction law {law.name!r}: {error}") from None
-
-
 @kernel
 def newton(p, torque_scale, memory, S, R, h, w_guess, rest):
     """Safeguarded Newton iteration for ``S w + mean_torque(w) = R``.
@@ -526,29 +440,3 @@ def step(p, torque_scale, memory, S, R, h, w_guess):
     w = solve(p, torque_scale, memory, S, R, h, w_guess)  # (F7)
     advance(p, torque_scale, memory, w, h)
     return w, R - S * w
-
-
-_UNIT = Law(
-    name="unit",
-    parameters=Unit,
-    make=Unit,
-    memory_size=lambda p: int(p.code.sizes[0]),
-    fitted=(),
-    units={},
-    steepest_fall=lambda p, torque_scale, h: 0.0,
-    relaxes=True,
-    wide=True,
-    modes=lambda p: 0,
-    permission=lambda p: {},
-    extends="",
-    advance=_advance_of_unit,
-    torque=_torque_of_unit,
-    rate=None,
-    stored_energy=None,
-    mean_torque=_mean_torque_of_unit,
-    solve=_solve_of_unit,
-    rest_torque=_rest_torque_of_unit,
-    bind=lambda p, wide: p,
-)
-LAWS.know(Unit, _UNIT)
-LAWS.know(Part, _UNIT)

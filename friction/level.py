@@ -34,6 +34,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from steer_env.friction import law
 from steer_env.friction.law import advance, rest_torque, torque
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.check import not_negative, number, numbers
@@ -145,27 +146,32 @@ def chosen(p, scales, memory, R, h):
     """
     if all_of(scales.positive == scales.negative):
         return scales.positive
-    held = held_scale(p, scales, memory)
-    rest = rest_torque(p, held, memory, h)
+    scale, rest = held(p, scales, memory, h)
     if all_of(R == rest):
-        return held
-    own = own_scale(p, scales, held, rest, memory, where(R > rest, 1.0, -1.0), h)
-    return where(R == rest, held, own)
+        return scale
+    own = own_scale(p, scales, scale, rest, memory, where(R > rest, 1.0, -1.0), h)
+    return where(R == rest, scale, own)
 
 
 @kernel
-def held_scale(p, scales, memory):
-    """The scale with which a memory is loaded, which is cut back to what break-away allows with it."""
+def held(p, scales, memory, h):
+    """The scale with which a memory is loaded, which is cut back to what break-away allows; the mean torque at rest."""
     positive, negative = scales.positive, scales.negative
     if all_of(positive == negative):
-        return positive
-    held = where(positive > negative, positive, negative)
-    loaded = torque(p, held, memory, 0.0)
+        return positive, rest_torque(p, positive, memory, h)
+    scale = where(positive > negative, positive, negative)
+    loaded = torque(p, scale, memory, 0.0)
     cut = (loaded != 0.0) & (positive != negative)
     if any_of(cut):
-        held = where(cut, where(loaded > 0.0, positive, negative), held)
-        advance(p, where(cut, held, UNCUT), memory, 0.0, 0.0)  # no motion and no time: only the cut
-    return held
+        scale = where(cut, where(loaded > 0.0, positive, negative), scale)
+        advance(p, where(cut, scale, UNCUT), memory, 0.0, 0.0)  # no motion and no time: only the cut
+    return scale, rest_torque(p, scale, memory, h)
+
+
+@kernel
+def step(p, scales, memory, S, R, h, w_guess):
+    """As :func:`steer_env.friction.law.step`, with the scale that :func:`chosen` takes."""
+    return law.step(p, chosen(p, scales, memory, R, h), memory, S, R, h, w_guess)  # (F11)
 
 
 @kernel

@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.friction import defaults, fitted_file, gear
+from steer_env.friction import defaults, fitted_file, gear, unit
 from steer_env.friction import law as laws
 from steer_env.friction.law import (
     LAWS,
@@ -41,8 +41,7 @@ from steer_env.friction.law import (
     stored_energy,
     torque,
 )
-from steer_env.friction.law import step as law_step
-from steer_env.friction.level import Level, Scales, chosen, held_scale, largest, own_scale
+from steer_env.friction.level import Level, Scales, largest, own_scale
 from steer_env.friction.level import make as make_level
 from steer_env.friction.level import scales as level_scales
 from steer_env.friction.numerics import packing, scratch
@@ -50,7 +49,8 @@ from steer_env.friction.numerics.check import constructed, not_negative, one_of
 from steer_env.friction.numerics.kernel import COMPILED, dispatch, kernel
 from steer_env.friction.numerics.packing import of_row, shared
 from steer_env.friction.numerics.simd import all_of, any_of, maximum, negated, where
-from steer_env.friction.numerics.unit import Part, address_of, between
+from steer_env.friction.numerics.units import Part, address_of, between
+from steer_env.friction.unit import chosen, held, step
 
 NOTHING = {"law": "viscous", "sigma_2": 0.0}
 ABOVE, BELOW = "upper_column", ("lower_column", "gear", "rack", "motor")
@@ -107,7 +107,7 @@ class Below(NamedTuple):
     friction: Bound
 
 
-class Step(NamedTuple):
+class Equations(NamedTuple):
     """The two step equations (F43)."""
 
     a: float  # above the bar [N m s/rad]
@@ -134,7 +134,7 @@ dispatch(law_at, lambda kind, _: _law_at)
 
 
 @kernel
-def joint(p, scales, memory, step, w1, w2, led):
+def joint(p, scales, memory, equations, w1, w2, led):
     """One step of (F43): the mean speeds, and the torques above and below the bar.
 
     Parameters
@@ -144,7 +144,7 @@ def joint(p, scales, memory, step, w1, w2, led):
         As :func:`scales` fills it.
     memory : (M,) array
         Advanced in place.
-    step : Step
+    equations : Equations
     w1, w2 : float
         Speeds from which the search begins [rad/s]; ``w1`` is the speed itself where it is prescribed.
     led : bool
@@ -157,19 +157,17 @@ def joint(p, scales, memory, step, w1, w2, led):
     T_above, T_below : float
         Mean torques, from (F43), so that the energy balance is exact [N m].
     """
-    a, R1, K, S, R2, h = step
+    a, R1, K, S, R2, h = equations
     if p.at.alone:
         S -= 0.0 if led else K * K / a  # (C5)
         R2 += K * w1 if led else K / a * R1  # (C5)
-        law = law_at(p, 0)
-        scale = chosen(law, Scales(scales[0], scales[1]), memory, R2, h)  # (F11)
-        w2, T = law_step(law, scale, memory, S, R2, h, w2)
+        w2, T = step(law_at(p, 0), Scales(scales[0], scales[1]), memory, S, R2, h, w2)
         return w1 if led else (R1 + K * w2) / a, w2, 0.0 * a, T  # (C7)
-    held, rests = scratch.like(memory, MOST), scratch.like(memory, MOST)
+    holds, rests = scratch.like(memory, MOST), scratch.like(memory, MOST)
     L, taken = scratch.like(memory, MOST), scratch.like(memory, MOST)
-    rest = _held_below(p, scales, memory, h, held, rests)
+    rest = _held_below(p, scales, memory, h, holds, rests)
     for i in range(p.at.above, p.at.places.shape[0]):
-        L[i] = held[i]
+        L[i] = holds[i]
     scale, expected, going = 0.0, w1, True
     for i in range(MOST_ROUNDS + 1):
         # Above the bar, at the speed w2 below it
@@ -184,24 +182,27 @@ def joint(p, scales, memory, step, w1, w2, led):
         if i > 0:
             close = K * abs(w1 - expected) <= CLOSE * (S * abs(w2) + abs(R2) + K * (abs(w1) + abs(R1) / a))
             going = going & negated(close)
-            if led or i == MOST_ROUNDS or not any_of(going):
+            if i == MOST_ROUNDS or not any_of(going):
                 break
         # Below it, with w1 + slope (w - w2) while the speed w is sought. A slope may lead to and fro across a kink;
         # without it the rounds converge by K^2/(a S).
         if not led:
             steep = mean_torque(law_at(p, 0), scale, between(memory, p.at.places[0, 2], p.at.places[0, 3]), w1, h)[1] if p.at.above else 0.0 * a
             slope = where((w1 != 0.0) & (i < WITH_SLOPE), K / (a + steep), 0.0)
-        w = _solved_below(p, scales, held, rests, rest, memory, S - K * slope, R2 + K * (w1 - slope * w2), h, w2, taken)
+        w = _solved_below(p, scales, holds, rests, rest, memory, S - K * slope, R2 + K * (w1 - slope * w2), h, w2, taken)
         expected = w1 + slope * (w - w2)
         for j in range(p.at.above, p.at.places.shape[0]):
             L[j] = where(going, taken[j], L[j])
         w2 = where(going, w, w2)
+        if led:
+            break
     T_above = 0.0 * a if led else R1 + K * w2 - a * w1
     if p.at.above:
         law, own = law_at(p, 0), between(memory, p.at.places[0, 2], p.at.places[0, 3])
         if led:
-            moving, _ = mean_torque(law, scale, own, w1, h)
-            T_above = where(w1 != 0.0, moving, rest_torque(law, scale, own, h))
+            T_above, _ = mean_torque(law, scale, own, w1, h)
+            if any_of(w1 == 0.0):
+                T_above = where(w1 != 0.0, T_above, rest_torque(law, scale, own, h))
         advance(law, scale, own, w1, h)
     for i in range(p.at.above, p.at.places.shape[0]):
         advance(law_at(p, i), L[i], between(memory, p.at.places[i, 2], p.at.places[i, 3]), w2, h)
@@ -209,30 +210,30 @@ def joint(p, scales, memory, step, w1, w2, led):
 
 
 @kernel
-def _held_below(p, scales, memory, h, held, rests):
+def _held_below(p, scales, memory, h, holds, rests):
     """The scales with which the memories below the bar are loaded, and cut back to; the torques at rest, and their sum."""
     rest = 0.0
     for i in range(p.at.above, p.at.places.shape[0]):
-        law, own = law_at(p, i), between(memory, p.at.places[i, 2], p.at.places[i, 3])
-        held[i] = held_scale(law, Scales(scales[2 * i], scales[2 * i + 1]), own)
-        rests[i] = rest_torque(law, held[i], own, h)
+        own, both = between(memory, p.at.places[i, 2], p.at.places[i, 3]), Scales(scales[2 * i], scales[2 * i + 1])
+        scale, rests[i] = held(law_at(p, i), both, own, h)
+        holds[i] = scale
         rest += rests[i]
     return rest
 
 
 @kernel
-def _solved_below(p, scales, held, rests, rest, memory, S, R, h, guess, L):
+def _solved_below(p, scales, holds, rests, rest, memory, S, R, h, guess, L):
     """The speed with ``S w`` + the torques below the bar = ``R``; ``L`` receives the scales with which it is so."""
     still = R == rest
     for i in range(p.at.above, p.at.places.shape[0]):
-        L[i] = held[i]
+        L[i] = holds[i]
     if all_of(still):
         return R - rest
     side = where(R > rest, 1.0, -1.0)
     for i in range(p.at.above, p.at.places.shape[0]):
         law, own, both = law_at(p, i), between(memory, p.at.places[i, 2], p.at.places[i, 3]), Scales(scales[2 * i], scales[2 * i + 1])
         if not all_of(both.positive == both.negative):  # else the one that holds it
-            L[i] = where(still, held[i], own_scale(law, both, held[i], rests[i], own, side, h))
+            L[i] = where(still, holds[i], own_scale(law, both, holds[i], rests[i], own, side, h))
     return where(still, 0.0, _moved(Below(p), L, memory, S, R, h, guess, side))
 
 
@@ -378,9 +379,9 @@ def bound(p: Any, wide: bool = False) -> Any:
     places = np.array([place for _, *place in found], np.int64).reshape(-1, 4)
     sizes, addresses = np.zeros((len(found), 1), np.int64), tuple(law for law, *_ in found)
     if COMPILED:
-        units = [laws.bound(law, wide).code for law in addresses]
-        sizes = _stacked([unit.sizes for unit in units])
-        addresses = _stacked([unit.addresses for unit in units])
+        codes = [unit.bound(law, wide).code for law in addresses]
+        sizes = _stacked([code.sizes for code in codes])
+        addresses = _stacked([code.addresses for code in codes])
     return Bound(packing.numbers(p), Table(addresses, sizes, places, above, alone))
 
 
@@ -525,13 +526,12 @@ _TOGETHER = Law(
     modes=lambda p: 0,
     permission=lambda p: {},
     extends="",
-    bind=bound,
     rate=_rate_all,
     stored_energy=_stored_in_all,
     **{name: functools.partial(_unbound, kernel) for name, kernel in _OF_ALL.items()},
 )
 LAWS.know(Sites, _TOGETHER)
-LAWS.know(Bound, _TOGETHER._replace(parameters=Bound, bind=lambda p, wide: p, **_OF_ALL))
+LAWS.know(Bound, _TOGETHER._replace(parameters=Bound, **_OF_ALL))
 LAWS.know(Below, _TOGETHER._replace(parameters=Below, mean_torque=_mean_below))
 
 

@@ -124,7 +124,7 @@ def step(c, friction, scales, q, memory, robot, hand, hand_speed, T_C, h):
     # (C2) over a step: S w2 + mean T_F = R + K w1 (C6)
     S = 2.0 * c.I2 / h + c.C2 + K
     R = 2.0 * c.I2 / h * q[COLUMN_SPEED] + torsion_bar_torque + T_C
-    both = sites.Step(a11, r1 + hand, K, S, R, h)
+    both = sites.Equations(a11, r1 + hand, K, S, R, h)
     w1 = (hand - q[HANDWHEEL_ANGLE]) / h if robot else q[HANDWHEEL_SPEED]
     w1, w2, T_above, T_F = sites.joint(friction, scales, memory, both, w1, q[COLUMN_SPEED], robot)  # (C6)
     if robot:

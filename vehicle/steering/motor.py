@@ -19,12 +19,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from steer_env.friction.numerics import unit
+from steer_env.friction.numerics import units
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.interpolation import bracket
 from steer_env.friction.numerics.kernel import COMPILED, dispatch, kernel
-from steer_env.friction.numerics.unit import NONE, ONE, Function, Unit, array, caller, values
+from steer_env.friction.numerics.units import NONE, ONE, Function, Unit, array, caller, values
 from steer_env.vehicle.keys import checked
 from steer_env.vehicle.steering.assist.by_speed import table
 
@@ -168,7 +168,7 @@ def _warmed(m, x, torque, h):
         x[0] += h / m.thermal_time * ((torque / m.ratio / m.continuous) ** 2 - x[0])  # (E23)
 
 
-# The limits as a unit (steer_env.friction.numerics.unit), which is empty where there are none.
+# The limits as a unit (steer_env.friction.numerics.units), which is empty where there are none.
 
 
 @kernel
@@ -205,7 +205,7 @@ def _warmed_of_unit(m, x, torque, h):
 
 def bound(m: Any) -> Any:
     """The limits as compiled kernels take them in this process, so that these are compiled once for all."""
-    return unit.bound(m, () if isinstance(m, NoMotor) else FUNCTIONS, len(states(m))) if COMPILED else m
+    return units.bound(m, () if isinstance(m, NoMotor) else FUNCTIONS, len(states(m))) if COMPILED else m
 
 
 _KERNELS: dict[type, dict[str, Any]] = {

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.interpolation import bracket
-from steer_env.friction.numerics import unit
+from steer_env.friction.numerics import units
 from steer_env.friction.numerics.kernel import COMPILED, dispatch, kernel
-from steer_env.friction.numerics.unit import ONE, Function, Unit, array, caller, values
+from steer_env.friction.numerics.units import ONE, Function, Unit, array, caller, values
 from steer_env.vehicle.steering.assist import (
     active_return,
     damping,
@@ -184,7 +184,7 @@ def _with_functions(f, x, s, request):
     return request + returned + damped + accelerated + shifted + between(p.gain, i, u) * compensated
 
 
-# The functions as a unit (steer_env.friction.numerics.unit), which is empty where there are none.
+# The functions as a unit (steer_env.friction.numerics.units), which is empty where there are none.
 
 
 @kernel
@@ -212,7 +212,7 @@ def _requested_of_unit(f, x, s, request):
 def bound(f: Any) -> Any:
     """The functions as compiled kernels take them in this process, so that these are compiled once for all."""
     given = () if isinstance(f, NoFunctions) else (Function(_requested, "pnnnnnn", ONE),)
-    return unit.bound(f, given, len(states(f))) if COMPILED else f
+    return units.bound(f, given, len(states(f))) if COMPILED else f
 
 
 _KERNELS: dict[type, dict[str, Any]] = {

@@ -1,0 +1,180 @@
+"""A law as a unit: its functions behind addresses, by which every loop, column and plant calls every law.
+
+What is compiled for a :class:`steer_env.friction.numerics.units.Unit` is the same machine code for all laws, and a law
+is compiled once, here, by itself. The functions are those of :mod:`steer_env.friction.law` and
+:mod:`steer_env.friction.level`, to the bit; where several of them follow each other they are one call.
+"""
+
+from typing import Any
+
+from steer_env.friction import law as laws
+from steer_env.friction import level
+from steer_env.friction.law import LAWS, Law, law_of
+from steer_env.friction.level import Scales
+from steer_env.friction.numerics import units
+from steer_env.friction.numerics.kernel import COMPILED, dispatch, kernel
+from steer_env.friction.numerics.simd import all_of
+from steer_env.friction.numerics.units import NONE, ONE, TWO, Function, Part, Unit, array, caller, values
+
+
+@kernel
+def _torque(numbers, sizes, torque_scale, memory, w):
+    return laws.torque(values(numbers, sizes), torque_scale, array(memory, sizes), w)
+
+
+@kernel
+def _advance(numbers, sizes, torque_scale, memory, w, h):
+    laws.advance(values(numbers, sizes), torque_scale, array(memory, sizes), w, h)
+
+
+@kernel
+def _rest_torque(numbers, sizes, torque_scale, memory, h):
+    return laws.rest_torque(values(numbers, sizes), torque_scale, array(memory, sizes), h)
+
+
+@kernel
+def _held(numbers, sizes, positive, negative, memory, h):
+    return level.held(values(numbers, sizes), Scales(positive, negative), array(memory, sizes), h)
+
+
+@kernel
+def _chosen(numbers, sizes, positive, negative, memory, R, h):
+    return level.chosen(values(numbers, sizes), Scales(positive, negative), array(memory, sizes), R, h)
+
+
+@kernel
+def _step(numbers, sizes, positive, negative, memory, S, R, h, w_guess):
+    return level.step(values(numbers, sizes), Scales(positive, negative), array(memory, sizes), S, R, h, w_guess)
+
+
+@kernel
+def _solve(numbers, sizes, torque_scale, memory, S, R, h, w_guess):
+    return laws.solve(values(numbers, sizes), torque_scale, array(memory, sizes), S, R, h, w_guess)
+
+
+@kernel
+def _mean_torque(numbers, sizes, torque_scale, memory, w, h):
+    return laws.mean_torque(values(numbers, sizes), torque_scale, array(memory, sizes), w, h)
+
+
+FUNCTIONS = (  # in the order of their addresses
+    Function(_torque, "npn", ONE),
+    Function(_advance, "npnn", NONE),
+    Function(_rest_torque, "npn", ONE),
+    Function(_held, "nnpn", TWO),
+    Function(_chosen, "nnpnn", ONE),
+    Function(_step, "nnpnnnn", TWO),
+    Function(_solve, "npnnnn", ONE),
+    Function(_mean_torque, "npnn", TWO),  # last, as a law may be without it
+)
+TORQUE, ADVANCE, REST_TORQUE, HELD, CHOSEN, STEP, SOLVE, MEAN_TORQUE = range(len(FUNCTIONS))
+_one, _two, _none = caller(ONE), caller(TWO), caller(NONE)
+
+
+@kernel
+def _torque_of(p, torque_scale, memory, w):
+    return _one(p, TORQUE, (torque_scale, memory, w))
+
+
+@kernel
+def _advance_of(p, torque_scale, memory, w, h):
+    _none(p, ADVANCE, (torque_scale, memory, w, h))
+
+
+@kernel
+def _rest_torque_of(p, torque_scale, memory, h):
+    return _one(p, REST_TORQUE, (torque_scale, memory, h))
+
+
+@kernel
+def _held_of(p, scales, memory, h):
+    return _two(p, HELD, (scales.positive, scales.negative, memory, h))
+
+
+@kernel
+def _chosen_of(p, scales, memory, R, h):
+    if all_of(scales.positive == scales.negative):
+        return scales.positive
+    return _one(p, CHOSEN, (scales.positive, scales.negative, memory, R, h))
+
+
+@kernel
+def _step_of(p, scales, memory, S, R, h, w_guess):
+    return _two(p, STEP, (scales.positive, scales.negative, memory, S, R, h, w_guess))
+
+
+@kernel
+def _solve_of(p, torque_scale, memory, S, R, h, w_guess):
+    return _one(p, SOLVE, (torque_scale, memory, S, R, h, w_guess))
+
+
+@kernel
+def _mean_torque_of(p, torque_scale, memory, w, h):
+    return _two(p, MEAN_TORQUE, (torque_scale, memory, w, h))
+
+
+# Dispatch points, as those of steer_env.friction.law, for a law of any form.
+
+
+def held(p, scales, memory, h):
+    """:func:`steer_env.friction.level.held`."""
+    return level.held(p, scales, memory, h)
+
+
+def chosen(p, scales, memory, R, h):
+    """:func:`steer_env.friction.level.chosen`."""
+    return level.chosen(p, scales, memory, R, h)
+
+
+def step(p, scales, memory, S, R, h, w_guess):
+    """:func:`steer_env.friction.level.step`."""
+    return level.step(p, scales, memory, S, R, h, w_guess)
+
+
+_BY_ADDRESS = {"held": _held_of, "chosen": _chosen_of, "step": _step_of}
+for _point in (held, chosen, step):
+    dispatch(_point, lambda kind, name: (_BY_ADDRESS if kind in (Unit, Part) else vars(level))[name])
+
+
+def bound(p: Any, wide: bool = False) -> Any:
+    """A law as compiled kernels take it in this process, so that they are compiled once for all laws.
+
+    ``wide`` is for kernels of four cars side by side. Without the compiler the law stays as it is.
+
+    Raises
+    ------
+    ValueError
+        One of its functions does not return what it should.
+    """
+    if not COMPILED or isinstance(p, Unit):
+        return p
+    law = law_of(p)
+    try:
+        return units.bound(p, FUNCTIONS if law.mean_torque else FUNCTIONS[:MEAN_TORQUE], law.memory_size(p), wide)
+    except TypeError as error:
+        raise ValueError(f"friction law {law.name!r}: {error}") from None
+
+
+_LAW = Law(
+    name="unit",
+    parameters=Unit,
+    make=Unit,
+    memory_size=lambda p: int(p.code.sizes[0]),
+    fitted=(),
+    units={},
+    steepest_fall=lambda p, torque_scale, h: 0.0,
+    relaxes=True,
+    wide=True,
+    modes=lambda p: 0,
+    permission=lambda p: {},
+    extends="",
+    advance=_advance_of,
+    torque=_torque_of,
+    rate=None,
+    stored_energy=None,
+    mean_torque=_mean_torque_of,
+    solve=_solve_of,
+    rest_torque=_rest_torque_of,
+)
+LAWS.know(Unit, _LAW)
+LAWS.know(Part, _LAW)
