@@ -49,7 +49,7 @@ from steer_env.friction.numerics.check import constructed, not_negative, one_of
 from steer_env.friction.numerics.kernel import COMPILED, dispatch, kernel
 from steer_env.friction.numerics.packing import of_row, shared
 from steer_env.friction.numerics.simd import all_of, any_of, maximum, negated, where
-from steer_env.friction.numerics.units import Part, address_of, between
+from steer_env.friction.numerics.units import Part, address_of, between, cell
 from steer_env.friction.unit import chosen, held, step
 
 NOTHING = {"law": "viscous", "sigma_2": 0.0}
@@ -120,13 +120,13 @@ class Equations(NamedTuple):
 
 def law_at(p, i):
     """The law of a site of a :class:`Bound`."""
-    return of_row(p.at.addresses[i], p.numbers[None, p.at.places[i, 0] :], 0)
+    return of_row(p.at.addresses[i], p.numbers[None, cell(p.at.places, i, 0) :], 0)
 
 
 @kernel
 def _law_at(p, i):
     return Part(
-        address_of(p.at.addresses, i), address_of(p.numbers, p.at.places[i, 0]), address_of(p.at.sizes, i)
+        address_of(p.at.addresses, i), address_of(p.numbers, cell(p.at.places, i, 0)), address_of(p.at.sizes, i)
     )
 
 
@@ -174,7 +174,7 @@ def joint(p, scales, memory, equations, w1, w2, led):
         R = where(led, math.copysign(math.inf, w1), R1 + K * w2)
         w, slope = R / a, 0.0  # (F43) without friction
         if p.at.above:
-            law, own = law_at(p, 0), between(memory, p.at.places[0, 2], p.at.places[0, 3])
+            law, own = law_at(p, 0), between(memory, p.at.places, 0, 2)
             scale = where(going, chosen(law, Scales(scales[0], scales[1]), own, R, h), scale)  # (F11)
             if not led:
                 w = solve(law, scale, own, a, R, h, expected)  # (F43)
@@ -187,7 +187,7 @@ def joint(p, scales, memory, equations, w1, w2, led):
         # Below it, with w1 + slope (w - w2) while the speed w is sought. A slope may lead to and fro across a kink;
         # without it the rounds converge by K^2/(a S).
         if not led:
-            steep = mean_torque(law_at(p, 0), scale, between(memory, p.at.places[0, 2], p.at.places[0, 3]), w1, h)[1] if p.at.above else 0.0 * a
+            steep = mean_torque(law_at(p, 0), scale, between(memory, p.at.places, 0, 2), w1, h)[1] if p.at.above else 0.0 * a
             slope = where((w1 != 0.0) & (i < WITH_SLOPE), K / (a + steep), 0.0)
         w = _solved_below(p, scales, holds, rests, rest, memory, S - K * slope, R2 + K * (w1 - slope * w2), h, w2, taken)
         expected = w1 + slope * (w - w2)
@@ -198,14 +198,14 @@ def joint(p, scales, memory, equations, w1, w2, led):
             break
     T_above = 0.0 * a if led else R1 + K * w2 - a * w1
     if p.at.above:
-        law, own = law_at(p, 0), between(memory, p.at.places[0, 2], p.at.places[0, 3])
+        law, own = law_at(p, 0), between(memory, p.at.places, 0, 2)
         if led:
             T_above, _ = mean_torque(law, scale, own, w1, h)
             if any_of(w1 == 0.0):
                 T_above = where(w1 != 0.0, T_above, rest_torque(law, scale, own, h))
         advance(law, scale, own, w1, h)
     for i in range(p.at.above, p.at.places.shape[0]):
-        advance(law_at(p, i), L[i], between(memory, p.at.places[i, 2], p.at.places[i, 3]), w2, h)
+        advance(law_at(p, i), L[i], between(memory, p.at.places, i, 2), w2, h)
     return w1, w2, T_above, R2 + K * w1 - S * w2
 
 
@@ -214,7 +214,7 @@ def _held_below(p, scales, memory, h, holds, rests):
     """The scales with which the memories below the bar are loaded, and cut back to; the torques at rest, and their sum."""
     rest = 0.0
     for i in range(p.at.above, p.at.places.shape[0]):
-        own, both = between(memory, p.at.places[i, 2], p.at.places[i, 3]), Scales(scales[2 * i], scales[2 * i + 1])
+        own, both = between(memory, p.at.places, i, 2), Scales(scales[2 * i], scales[2 * i + 1])
         scale, rests[i] = held(law_at(p, i), both, own, h)
         holds[i] = scale
         rest += rests[i]
@@ -231,7 +231,7 @@ def _solved_below(p, scales, holds, rests, rest, memory, S, R, h, guess, L):
         return R - rest
     side = where(R > rest, 1.0, -1.0)
     for i in range(p.at.above, p.at.places.shape[0]):
-        law, own, both = law_at(p, i), between(memory, p.at.places[i, 2], p.at.places[i, 3]), Scales(scales[2 * i], scales[2 * i + 1])
+        law, own, both = law_at(p, i), between(memory, p.at.places, i, 2), Scales(scales[2 * i], scales[2 * i + 1])
         if not all_of(both.positive == both.negative):  # else the one that holds it
             L[i] = where(still, holds[i], own_scale(law, both, holds[i], rests[i], own, side, h))
     return where(still, 0.0, _moved(Below(p), L, memory, S, R, h, guess, side))
@@ -249,7 +249,7 @@ def _mean_below(p, L, memory, w, h):
     """Sum of the mean torques below the bar [N m], and its derivative by the speed [N m s/rad]."""
     T = slope = 0.0
     for i in range(p.friction.at.above, p.friction.at.places.shape[0]):
-        own, steep = mean_torque(law_at(p.friction, i), L[i], between(memory, p.friction.at.places[i, 2], p.friction.at.places[i, 3]), w, h)
+        own, steep = mean_torque(law_at(p.friction, i), L[i], between(memory, p.friction.at.places, i, 2), w, h)
         T += own
         slope += steep
     return T, slope
@@ -276,7 +276,7 @@ def scales(p, conditions, base, load, x, motor, found):
     of_car = level_scales(conditions, base, load, x)  # (F11)
     left, grown = motor >= 0.0, base * abs(motor)
     for i in range(p.at.places.shape[0]):
-        at = p.at.places[i, 1]
+        at = cell(p.at.places, i, 1)
         if p.at.alone:
             found[0], found[1] = of_car
         elif i < p.at.above:
@@ -319,7 +319,7 @@ def _mean_all(p, L, memory, w, h):
     _same(p, L, each)
     T, slope = _mean_below(Below(p), each, memory, w, h)
     if p.at.above:
-        above, steep = mean_torque(law_at(p, 0), L, between(memory, p.at.places[0, 2], p.at.places[0, 3]), w, h)
+        above, steep = mean_torque(law_at(p, 0), L, between(memory, p.at.places, 0, 2), w, h)
         return above + T, steep + slope
     return T, slope
 
@@ -328,14 +328,14 @@ def _mean_all(p, L, memory, w, h):
 def _rest_all(p, L, memory, h):
     rest = 0.0
     for i in range(p.at.above, p.at.places.shape[0]):
-        rest += rest_torque(law_at(p, i), L, between(memory, p.at.places[i, 2], p.at.places[i, 3]), h)
-    return rest_torque(law_at(p, 0), L, between(memory, p.at.places[0, 2], p.at.places[0, 3]), h) + rest if p.at.above else rest
+        rest += rest_torque(law_at(p, i), L, between(memory, p.at.places, i, 2), h)
+    return rest_torque(law_at(p, 0), L, between(memory, p.at.places, 0, 2), h) + rest if p.at.above else rest
 
 
 @kernel
 def _advance_all(p, L, memory, w, h):
     for i in range(p.at.places.shape[0]):
-        advance(law_at(p, i), L, between(memory, p.at.places[i, 2], p.at.places[i, 3]), w, h)
+        advance(law_at(p, i), L, between(memory, p.at.places, i, 2), w, h)
 
 
 @kernel
@@ -348,7 +348,7 @@ def _solve_all(p, L, memory, S, R, h, w_guess):
 def _torque_all(p, L, memory, w):
     T = 0.0
     for i in range(p.at.places.shape[0]):
-        T += torque(law_at(p, i), L, between(memory, p.at.places[i, 2], p.at.places[i, 3]), w)
+        T += torque(law_at(p, i), L, between(memory, p.at.places, i, 2), w)
     return T
 
 

@@ -172,18 +172,38 @@ def address_of(typing_context, array, i):
     return types.int64(array, types.int64), generate
 
 
+def _loaded(context: Any, builder: Any, kind: Any, array: Any, i: Any, k: Any) -> Any:
+    """A whole number of a table, without numba's thought of indices below zero; no kernel changes it."""
+    found = context.make_array(kind)(context, builder, array)
+    columns = builder.extract_value(found.shape, 1)
+    number = builder.load(builder.gep(found.data, [builder.add(builder.mul(i, columns), k)]))
+    number.set_metadata("invariant.load", builder.module.add_metadata([]))
+    return number
+
+
 @_intrinsic
-def _between(typing_context, array, start, end):
+def _cell(typing_context, table, i, k):
     def generate(context, builder, signature, arguments):
-        data = context.make_array(array)(context, builder, arguments[0]).data
-        first, length = builder.gep(data, [arguments[1]]), builder.sub(arguments[2], arguments[1])
-        return _array(context, builder, array, first, [length])[0]
+        return _loaded(context, builder, signature.args[0], *arguments)
 
-    return array(array, types.int64, types.int64), generate
+    return types.int64(table, types.int64, types.int64), generate
 
 
-# Part of a contiguous array (M,), which kernels cannot return.
-between: Any = _between if COMPILED else lambda array, start, end: array[start:end]
+@_intrinsic
+def _between(typing_context, array, table, i, k):
+    def generate(context, builder, signature, arguments):
+        values, ends, i, k = arguments
+        first, end = (_loaded(context, builder, signature.args[1], ends, i, builder.add(k, WORD(n))) for n in (0, 1))
+        data = context.make_array(array)(context, builder, values).data
+        return _array(context, builder, array, builder.gep(data, [first]), [builder.sub(end, first)])[0]
+
+    return array(array, table, types.int64, types.int64), generate
+
+
+# For kernels: ``table[i, k]``, and the part of a contiguous array from there to ``table[i, k + 1]``, which no kernel
+# can return.
+cell: Any = _cell if COMPILED else lambda table, i, k: table[i, k]
+between: Any = _between if COMPILED else lambda array, table, i, k: array[table[i, k] : table[i, k + 1]]
 
 
 def caller(returns: Any) -> Any:
