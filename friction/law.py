@@ -46,6 +46,7 @@ class Law(NamedTuple):
     units: Mapping[str, str]
     steepest_fall: Callable[[Any, float, float], float]  # of parameters, torque scale, step [N m s/rad]
     relaxes: bool
+    continuous: bool
     wide: bool
     modes: Callable[[Any], int]
     permission: Callable[[Any], Mapping[str, Any]]
@@ -96,6 +97,7 @@ def register(
     units: Mapping[str, str] | None = None,
     steepest_fall: Callable[[Any, float, float], float] | None = None,
     relaxes: bool = False,
+    continuous: bool = False,
     wide: bool = False,
     modes: Callable[[Any], int] | None = None,
     cut_back: Callable | None = None,
@@ -140,6 +142,9 @@ def register(
         by default. The step equation has one solution where ``S`` is larger; another plant is refused. No kernel.
     relaxes : bool
         Whether a loaded memory gives way at rest (``rate`` is not zero), as a spring behind a damper does.
+    continuous : bool
+        Whether ``mean_torque`` at a speed of zero, of either side, is that of a step at rest, to the bit: a plant then
+        does not ask for it.
     wide : bool
         Whether the kernels take vectors of cars too (:mod:`steer_env.friction.numerics.simd`), so that rows of a batch
         can run side by side.
@@ -167,6 +172,7 @@ def register(
         units=dict(units or {}),
         steepest_fall=steepest_fall or (lambda p, torque_scale, h: 0.0),
         relaxes=relaxes,
+        continuous=continuous,
         wide=wide,
         rest_torque=_relaxing if relaxes else _resting,
         modes=modes or (lambda p: 0),

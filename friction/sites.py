@@ -91,6 +91,7 @@ class Table(NamedTuple):
     sizes: NDArray[np.int64]  # (n, 1 + D) of each law, as of a unit
     places: NDArray[np.int64]  # (n, 4) first numbers of law and conditions, first float of the memory and the end
     above: int  # how many sites are above the bar, 0 or 1
+    continuous: int  # 1 where the law of every site below the bar is
     alone: int  # 1 where a law is given for the column as a whole, without conditions of its own
 
 
@@ -234,13 +235,13 @@ def _solved_below(p, scales, holds, rests, rest, memory, S, R, h, guess, L):
         law, own, both = law_at(p, i), between(memory, p.at.places, i, 2), Scales(scales[2 * i], scales[2 * i + 1])
         if not all_of(both.positive == both.negative):  # else the one that holds it
             L[i] = where(still, holds[i], own_scale(law, both, holds[i], rests[i], own, side, h))
-    return where(still, 0.0, _moved(Below(p), L, memory, S, R, h, guess, side))
+    return where(still, 0.0, _moved(Below(p), L, memory, S, R, h, guess, side, rest))
 
 
 @kernel
-def _moved(p, L, memory, S, R, h, guess, side):
+def _moved(p, L, memory, S, R, h, guess, side, rest):
     """The speed of a motion to a side, or rest where a set-valued law holds it."""
-    start, _ = mean_torque(p, L, memory, side * 0.0, h)
+    start = rest if p.friction.at.continuous else mean_torque(p, L, memory, side * 0.0, h)[0]
     return newton(p, L, memory, S, where(side * (R - start) > 0.0, R, start), h, guess, start)
 
 
@@ -341,7 +342,10 @@ def _advance_all(p, L, memory, w, h):
 @kernel
 def _solve_all(p, L, memory, S, R, h, w_guess):
     rest = _rest_all(p, L, memory, h)
-    return where(R != rest, _moved(p, L, memory, S, R, h, w_guess, where(R > rest, 1.0, -1.0)), 0.0)
+    side = where(R > rest, 1.0, -1.0)
+    start, _ = _mean_all(p, L, memory, side * 0.0, h)
+    w = newton(p, L, memory, S, where(side * (R - start) > 0.0, R, start), h, w_guess, start)
+    return where(R != rest, w, 0.0)
 
 
 @kernel
@@ -382,7 +386,8 @@ def bound(p: Any, wide: bool = False) -> Any:
         codes = [unit.bound(law, wide).code for law in addresses]
         sizes = _stacked([code.sizes for code in codes])
         addresses = _stacked([code.addresses for code in codes])
-    return Bound(packing.numbers(p), Table(addresses, sizes, places, above, alone))
+    continuous = all(law_of(law).continuous for law, *_ in found[above:])
+    return Bound(packing.numbers(p), Table(addresses, sizes, places, above, int(continuous), alone))
 
 
 def _stacked(rows: list[NDArray[np.int64]]) -> NDArray[np.int64]:
@@ -522,6 +527,7 @@ _TOGETHER = Law(
     units={},
     steepest_fall=_steepest_fall,
     relaxes=True,  # some of them do
+    continuous=False,
     wide=True,  # where all of them are
     modes=lambda p: 0,
     permission=lambda p: {},

@@ -164,6 +164,7 @@ _LAW = Law(
     units={},
     steepest_fall=lambda p, torque_scale, h: 0.0,
     relaxes=True,
+    continuous=False,
     wide=True,
     modes=lambda p: 0,
     permission=lambda p: {},

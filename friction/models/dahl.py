@@ -68,6 +68,7 @@ register(
     stored_energy=stored_energy,
     mean_torque=mean_torque,
     wide=True,
+    continuous=True,
     fitted=("sigma_0", "F_c"),
     units={"sigma_0": "N m/rad", "F_c": "N m"},
 )

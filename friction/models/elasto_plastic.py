@@ -137,6 +137,7 @@ register(
     rate=rate,
     stored_energy=stored_energy,
     mean_torque=mean_torque,
+    continuous=True,
     fitted=("sigma_0", "F_c"),
     units={"sigma_0": "N m/rad", "sigma_1": "N m s/rad", "sigma_2": "N m s/rad", "F_c": "N m", "F_ba": "N m"},
 )

@@ -91,6 +91,7 @@ register(
     mean_torque=mean_torque,
     relaxes=True,
     wide=True,
+    continuous=True,
     fitted=("sigma_0", "F_c"),
     units={"sigma_0": "N m/rad", "F_c": "N m", "k_m": "N m/rad", "tau_m": "s"},
 )

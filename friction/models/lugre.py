@@ -172,6 +172,7 @@ register(
     rate=rate,
     stored_energy=stored_energy,
     mean_torque=mean_torque,
+    continuous=True,
     fitted=("sigma_0", "F_c"),
     steepest_fall=steepest_fall,
     wide=True,

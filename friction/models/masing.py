@@ -219,6 +219,7 @@ register(
     stored_energy=stored_energy,
     mean_torque=mean_torque,
     solve=solve,
+    continuous=True,
     fitted=Sliders(_of_sliders),
     units={"k": "N m/rad", "y": "rad", "sigma_1": "N m s/rad"},
 )

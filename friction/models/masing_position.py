@@ -212,6 +212,7 @@ register(
     stored_energy=stored_energy,
     mean_torque=mean_torque,
     steepest_fall=steepest_fall,
+    continuous=True,
     fitted=Sliders(_of_sliders, by_position=True),
     units={"k": "N m/rad", "y": "rad", "slope": "1", "stroke": "rad"},
     extends="masing",

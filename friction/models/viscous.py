@@ -51,6 +51,7 @@ register(
     torque=torque,
     mean_torque=mean_torque,
     solve=solve,
+    continuous=True,
     fitted=("sigma_2",),
     wide=True,
     units={"sigma_2": "N m s/rad"},
