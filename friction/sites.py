@@ -44,7 +44,7 @@ from steer_env.friction.law import (
 from steer_env.friction.level import Level, Scales, largest, own_scale
 from steer_env.friction.level import make as make_level
 from steer_env.friction.level import scales as level_scales
-from steer_env.friction.numerics import packing, scratch
+from steer_env.friction.numerics import packing, scratch, units
 from steer_env.friction.numerics.check import constructed, not_negative, one_of
 from steer_env.friction.numerics.kernel import COMPILED, dispatch, kernel
 from steer_env.friction.numerics.packing import of_row, shared
@@ -365,8 +365,11 @@ def _stored_in_all(p, memory):
     return sum(stored_energy(site.law, memory[site.start : site.end]) for site in p)
 
 
-def bound(p: Any, wide: bool = False) -> Any:
-    """A law, or sites, as a :class:`Bound` of this process, which stays as it is; ``wide`` for four cars side by side."""
+def bound(p: Any, wide: bool = False, linked: bool = False) -> Any:
+    """A law, or sites, as a :class:`Bound` of this process, which stays as it is.
+
+    ``wide`` is for kernels of four cars side by side, ``linked`` for object code that holds the laws too.
+    """
     if isinstance(p, Bound):
         return p
     if not isinstance(p, Sites):
@@ -382,12 +385,15 @@ def bound(p: Any, wide: bool = False) -> Any:
             at = own + _PER_SITE
     places = np.array([place for _, *place in found], np.int64).reshape(-1, 4)
     sizes, addresses = np.zeros((len(found), 1), np.int64), tuple(law for law, *_ in found)
+    continuous = all(law_of(law).continuous for law in addresses[above:])
     if COMPILED:
-        codes = [unit.bound(law, wide).code for law in addresses]
-        sizes = _stacked([code.sizes for code in codes])
-        addresses = _stacked([code.addresses for code in codes])
-    continuous = all(law_of(law).continuous for law, *_ in found[above:])
-    return Bound(packing.numbers(p), Table(addresses, sizes, places, above, int(continuous), alone))
+        sizes = _stacked([units.sizes(law, law_of(law).memory_size(law)) for law in addresses])
+    if COMPILED and not linked:
+        addresses = _stacked([unit.bound(law, wide).code.addresses for law in addresses])
+    elif COMPILED:
+        addresses = tuple(tuple((function, law) for function in unit.functions(law)) for law in addresses)
+    at: Any = Table(addresses, sizes, places, above, int(continuous), alone)
+    return Bound(packing.numbers(p), units.Linked.of(at) if linked and COMPILED else at)
 
 
 def _stacked(rows: list[NDArray[np.int64]]) -> NDArray[np.int64]:

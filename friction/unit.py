@@ -136,6 +136,11 @@ for _point in (held, chosen, step):
     dispatch(_point, lambda kind, name: (_BY_ADDRESS if kind in (Unit, Part) else vars(level))[name])
 
 
+def functions(p: Any) -> tuple[Function, ...]:
+    """The functions of a law."""
+    return FUNCTIONS if law_of(p).mean_torque else FUNCTIONS[:MEAN_TORQUE]
+
+
 def bound(p: Any, wide: bool = False) -> Any:
     """A law as compiled kernels take it in this process, so that they are compiled once for all laws.
 
@@ -150,7 +155,7 @@ def bound(p: Any, wide: bool = False) -> Any:
         return p
     law = law_of(p)
     try:
-        return units.bound(p, FUNCTIONS if law.mean_torque else FUNCTIONS[:MEAN_TORQUE], law.memory_size(p), wide)
+        return units.bound(p, functions(p), law.memory_size(p), wide)
     except TypeError as error:
         raise ValueError(f"friction law {law.name!r}: {error}") from None
 

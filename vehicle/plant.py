@@ -106,6 +106,11 @@ class Rolling(NamedTuple):
     rack_limit: float
 
 
+def linked(p: Plant) -> Plant:
+    """A plant as compiled kernels take it in object code, which holds the functions of all its parts."""
+    return p._replace(friction=sites.bound(p.friction, linked=True)) if COMPILED else p
+
+
 def bound(p: Any, wide: bool = False) -> Any:
     """A plant as compiled kernels take it in this process, the same type for all friction and assists.
 

@@ -196,6 +196,8 @@ def _rebuilt(context: Any, builder: Any, kind: Any, leaf: Callable[[Any, Any], A
 
     The tables are those of the template.
     """
+    if hasattr(kind, "generate"):  # what object code holds itself: steer_env.friction.numerics.units.LinkedType
+        return kind.generate(context, builder)
     if not isinstance(kind, types.BaseTuple):
         return leaf(kind, template)
     if template is not None and getattr(kind, "instance_class", None) in _shared:
@@ -204,7 +206,7 @@ def _rebuilt(context: Any, builder: Any, kind: Any, leaf: Callable[[Any, Any], A
     for k, member in enumerate(kind):  # type: ignore[arg-type,var-annotated]  # numba declares no members
         inner = None if template is None else builder.extract_value(template, k)
         members.append(_rebuilt(context, builder, member, leaf, inner))
-    return context.make_tuple(builder, kind, members)
+    return context.make_tuple(builder, _unlinked(kind), members)
 
 
 def _filled_type(kind: Any) -> Any:
@@ -379,7 +381,15 @@ def at_addresses(typing_context, numbers, tables):
 
         return _rebuilt(context, builder, kind, leaf)
 
-    return kind(numbers, tables), generate
+    return _unlinked(kind)(numbers, tables), generate
+
+
+def _unlinked(kind: Any) -> Any:
+    """The numba type of what :func:`_rebuilt` makes of another one."""
+    if isinstance(kind, types.BaseTuple):
+        members = [_unlinked(member) for member in kind]  # type: ignore[attr-defined]  # numba declares no members
+        return types.BaseTuple.from_types(members, getattr(kind, "instance_class", None))
+    return getattr(kind, "made", kind)
 
 
 def _index(i: int) -> ir.Constant:

@@ -164,10 +164,9 @@ def address_of(typing_context, array, i):
     """The address of an element of a contiguous array, or of a row of it."""
 
     def generate(context, builder, signature, arguments):
-        found = context.make_array(signature.args[0])(context, builder, arguments[0])
+        found = context.make_array(array)(context, builder, arguments[0])
         stride = builder.extract_value(found.strides, 0)  # in bytes
-        start = builder.ptrtoint(found.data, WORD)
-        return builder.add(start, builder.mul(stride, arguments[1]))
+        return builder.add(builder.ptrtoint(found.data, WORD), builder.mul(stride, arguments[1]))
 
     return types.int64(array, types.int64), generate
 
@@ -291,7 +290,7 @@ class Function(NamedTuple):
 
     def types(self, parameters: Any, wide: bool) -> tuple:
         """Types of the arguments for a class of parameters."""
-        numbers = Numbers(parameters, wide)
+        numbers = Numbers(frozen(parameters), wide)
         kinds = {"n": numbers.number, "p": types.CPointer(numbers.number)}
         return (numbers, types.CPointer(types.int64), *(kinds[each] for each in self.arguments))
 
@@ -312,6 +311,67 @@ class Function(NamedTuple):
         return found
 
 
+class Linked(tuple):
+    """In place of a tuple of whole numbers and tables of them: what object code makes it of, which holds it itself.
+
+    It has no members, so that nothing of it is packed. A table of addresses is given by its functions, row by row.
+    """
+
+    given: Any
+
+    @classmethod
+    def of(cls, given: Any) -> "Linked":
+        """Of a ``NamedTuple`` whose tables are arrays (n, k) or rows of ``(Function, parameters)``."""
+        made = cls()
+        made.given = given
+        return made
+
+
+class LinkedType(types.Type):
+    """The type of :class:`Linked`; ``made`` is that of what kernels receive."""
+
+    def __init__(self, linked: Linked) -> None:
+        self.given = linked.given
+        of_each = [types.int64 if isinstance(each, int) else types.Array(types.int64, 2, "C") for each in self.given]
+        self.made = types.NamedTuple(of_each, type(self.given))
+        super().__init__(f"Linked({[_described(each) for each in self.given]})")
+
+    def generate(self, context: Any, builder: Any) -> Any:
+        """The code of it; its tables live as long as the function that begins with them."""
+        members = [
+            WORD(each) if isinstance(each, int) else self._table(context, builder, kind, each)
+            for each, kind in zip(self.given, self.made)
+        ]
+        return context.make_tuple(builder, self.made, members)
+
+    def _table(self, context: Any, builder: Any, kind: Any, rows: Any) -> Any:
+        columns = max(map(len, rows), default=1)
+        memory = cgutils.alloca_once(builder, WORD, size=max(len(rows) * columns, 1))
+        for i, row in enumerate(rows):
+            for k, each in enumerate(row):
+                if isinstance(each, tuple):
+                    function, parameters = each
+                    made = function.compiled(parameters, False)
+                    context.active_code_library.add_linking_library(made.library)
+                    number = builder.ptrtoint(context.declare_function(builder.module, made.fndesc), WORD)
+                else:
+                    number = WORD(int(each))
+                builder.store(number, builder.gep(memory, [WORD(i * columns + k)]))
+        return _array(context, builder, kind, memory, [WORD(len(rows)), WORD(columns)])[0]
+
+
+def _described(each: Any) -> Any:
+    """What two linked tables of one type have in common."""
+    if isinstance(each, int):
+        return each
+    return [[cell[0].types(cell[1], False) if isinstance(cell, tuple) else int(cell) for cell in row] for row in each]
+
+
+@extending.typeof_impl.register(Linked)
+def _linked_type(value: Linked, context: Any) -> LinkedType:
+    return LinkedType(value)
+
+
 _addresses: dict[Any, NDArray[np.int64]] = {}
 
 
@@ -319,9 +379,9 @@ def bound(parameters: Any, functions: tuple[Function, ...], remembered: int, wid
     """The unit of a part that remembers so many floats, in this process."""
     key = structure(parameters), functions, wide
     if key not in _addresses:
-        kind, found = frozen(parameters), []
+        found = []
         for function in functions:
-            made = function.compiled(kind, wide)
+            made = function.compiled(parameters, wide)
             found.append(made.library.get_pointer_to_function(made.fndesc.llvm_func_name))
         _addresses[key] = np.array(found, np.int64)
     return Unit(packing.numbers(parameters), Code(_addresses[key], sizes(parameters, remembered)))

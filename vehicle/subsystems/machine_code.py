@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from steer_env.friction.numerics.kernel import COMPILED, kernel
 from steer_env.friction.numerics.packing import Floats, at_addresses, pack
+from steer_env.vehicle.plant import linked
 from steer_env.vehicle.subsystems.kinds import CLASSES, advance, begin, register
 from steer_env.vehicle.subsystems.subsystem import Subsystem
 
@@ -52,7 +53,7 @@ def signature(subsystem: Subsystem) -> tuple:
     """Types of the arguments with which :func:`entry` is the function of a subsystem; :func:`first` takes the first."""
     shapes = subsystem.start.size, subsystem.given_size, (1, subsystem.inputs), (1, len(subsystem.outputs))
     numbers, arrays = (
-        Floats(CLASSES[subsystem.name](subsystem.parameters)),
+        Floats(CLASSES[subsystem.name](linked(subsystem.parameters))),
         (Floats(np.zeros(shape)) for shape in shapes),
     )
     return (numbers, types.CPointer(types.float64), *arrays, types.int64)
