@@ -17,7 +17,7 @@ import numpy as np
 
 from steer_env.friction import fitted_file, ode
 from steer_env.friction.numerics.check import constructed, read_number
-from steer_env.friction.numerics.kernel import dispatch, kernel
+from steer_env.friction.numerics.kernel import dispatch, kernel, plainly
 from steer_env.friction.numerics.registry import Registry
 from steer_env.friction.numerics.simd import any_of, negated, where
 
@@ -178,9 +178,57 @@ def register(
         modes=modes or (lambda p: 0),
         permission=permission or (lambda p: {}),
         extends=extends,
-        **_completed(name, parameters, given),
+        **_completed(name, parameters, dict(given)),
     )
+    if not parameters.__module__.startswith(_OWN):
+        _try(law, given)
     LAWS.register(name, law, parameters)
+
+
+_OWN = "steer_env.friction.models."  # modules of the laws that come with the package, which its tests try
+_ARGUMENTS = {  # of the functions of a law, as :func:`register` describes them
+    "torque": "p, torque_scale, memory, w",
+    "advance": "p, torque_scale, memory, w, h",
+    "rate": "p, torque_scale, memory, w, out",
+    "stored_energy": "p, memory",
+    "mean_torque": "p, torque_scale, memory, w, h",
+    "solve": "p, torque_scale, memory, S, R, h, w_guess",
+    "cut_back": "p, torque_scale, memory",
+}
+
+
+def _try(law: Law, given: Mapping[str, Any]) -> None:
+    """Run the functions that a law's file gives, as plain Python, to both sides of zero.
+
+    Compiled, a function would write beyond its memory into that of its caller.
+    """
+    try:
+        p = law.make()
+    except TypeError as error:
+        raise ValueError(f"friction law {law.name!r}: make must take no more than keywords, all with defaults: {error}") from None
+    n = int(given["memory_size"](p)) if given["memory_size"] else 0
+    for name, function in ((name, given[name]) for name in _ARGUMENTS if given.get(name)):
+        told = f"friction law {law.name!r}: {name}({_ARGUMENTS[name]})"
+        for w in (0.0, 0.01, -0.01, 3.0, -3.0):
+            around = np.full((2, n + 2), _GUARD)
+            memory, out = around[0, 1:-1], around[1, 1:-1]
+            memory[:] = out[:] = 0.0
+            values = {"p": p, "torque_scale": 1.0, "memory": memory, "w": w, "h": 1e-3, "out": out}
+            values |= {"S": 100.0, "R": 100.0 * w, "w_guess": 0.0}
+            try:
+                found = plainly(function)(*(values[each] for each in _ARGUMENTS[name].split(", ")))
+            except Exception as error:
+                raise ValueError(f"{told} raises at w = {w:g}: {error!r}") from error
+            if not (np.isfinite(around).all() and np.isfinite([] if found is None else found).all()):
+                raise ValueError(f"{told} is not finite at w = {w:g}: {found}, memory {memory}")
+            if (around[:, [0, -1]] != _GUARD).any():
+                raise ValueError(f"{told} writes beyond the {n} floats of memory_size")
+            numbers = {"mean_torque": 2, "torque": 1, "solve": 1, "stored_energy": 1}.get(name, 0)
+            if np.size([] if found is None else found) != numbers:
+                raise ValueError(f"{told} must return {numbers or 'no'} numbers, got {found!r}")
+
+
+_GUARD = 7.25  # beside a memory that is tried
 
 
 def _completed(name: str, parameters: type, given: dict[str, Any]) -> dict[str, Any]:

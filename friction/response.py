@@ -6,20 +6,27 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from steer_env.friction import sites, unit
 from steer_env.friction.law import advance, law_of, resolve, torque
-from steer_env.friction.level import Scales, chosen
+from steer_env.friction.level import Scales
 from steer_env.friction.numerics.check import numbers, positive
 from steer_env.friction.numerics.frozen import frozen
-from steer_env.friction.numerics.kernel import kernel
+from steer_env.friction.numerics.kernel import binds, kernel
+from steer_env.friction.unit import chosen
 
 
+def _bound(p: Any) -> Any:
+    return sites.bound(p) if isinstance(p, sites.Sites) else unit.bound(p)
+
+
+@binds(0, _bound)
 @kernel
 def follow(p, scales, memory, x, dt, out):
     """Write the torque at each sample of a displacement into ``out``; the memory is changed.
 
     Parameters
     ----------
-    p : parameters of a law
+    p : parameters of a law, or sites
     scales : (T, 2) array
         Factors on the saturated friction, of positive and of negative motion [1].
     x, out : (T,) arrays

@@ -47,7 +47,7 @@ from steer_env.friction.level import scales as level_scales
 from steer_env.friction.numerics import packing, scratch, units
 from steer_env.friction.numerics.check import constructed, not_negative, one_of
 from steer_env.friction.numerics.kernel import COMPILED, dispatch, kernel
-from steer_env.friction.numerics.packing import of_row, shared
+from steer_env.friction.numerics.packing import of_row
 from steer_env.friction.numerics.simd import all_of, any_of, maximum, negated, where
 from steer_env.friction.numerics.units import Part, address_of, between, cell
 from steer_env.friction.unit import chosen, held, step
@@ -83,7 +83,7 @@ class Sites(NamedTuple):
     motor: Site
 
 
-@shared
+@units.of_process
 class Table(NamedTuple):
     """Where the friction of a :class:`Bound` stands, the sites above the bar first; idle ones are left out."""
 
@@ -372,28 +372,41 @@ def bound(p: Any, wide: bool = False, linked: bool = False) -> Any:
     """
     if isinstance(p, Bound):
         return p
+    idle = tuple(_idle(site.law) for site in p) if isinstance(p, Sites) else ()
+    key = units.structure(p), idle, wide, linked
+    if linked or not COMPILED or key not in _tables:
+        _tables[key] = _table(p, idle, wide, linked)
+    return Bound(packing.numbers(p), _tables[key])
+
+
+_tables: dict[Any, Any] = {}  # of this process
+
+
+def _table(p: Any, idle: tuple[bool, ...], wide: bool, linked: bool) -> Any:
     if not isinstance(p, Sites):
         end = law_of(p).memory_size(p)
         found, above, alone = [(p, 0, -1, 0, end)], 0, 1
     else:
-        found, at, above, alone = [], 0, 0, 0
-        for name, site in p._asdict().items():
-            own = at + packing.numbers(site.law).size
-            if not _idle(site.law):
-                found.append((site.law, at, own, site.start, site.end))
+        found, first, above, alone = [], 0, 0, 0
+        for name, site, without in zip(p._fields, p, idle):
+            own = first + packing.numbers(site.law).size
+            if not without:
+                found.append((site.law, first, own, site.start, site.end))
                 above += name == ABOVE
-            at = own + _PER_SITE
+            first = own + _PER_SITE
     places = np.array([place for _, *place in found], np.int64).reshape(-1, 4)
     sizes, addresses = np.zeros((len(found), 1), np.int64), tuple(law for law, *_ in found)
     continuous = all(law_of(law).continuous for law in addresses[above:])
     if COMPILED:
-        sizes = _stacked([units.sizes(law, law_of(law).memory_size(law)) for law in addresses])
-    if COMPILED and not linked:
-        addresses = _stacked([unit.bound(law, wide).code.addresses for law in addresses])
-    elif COMPILED:
-        addresses = tuple(tuple((function, law) for function in unit.functions(law)) for law in addresses)
+        codes = [unit.code(law, wide) for law in addresses]
+        sizes = _stacked([code.sizes for code in codes])
+        addresses = (
+            tuple(tuple((function, law) for function in unit.functions(law)) for law in addresses)
+            if linked
+            else _stacked([code.addresses for code in codes])
+        )
     at: Any = Table(addresses, sizes, places, above, int(continuous), alone)
-    return Bound(packing.numbers(p), units.Linked.of(at) if linked and COMPILED else at)
+    return units.Linked.of(at) if linked and COMPILED else at
 
 
 def _stacked(rows: list[NDArray[np.int64]]) -> NDArray[np.int64]:

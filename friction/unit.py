@@ -11,10 +11,10 @@ from steer_env.friction import law as laws
 from steer_env.friction import level
 from steer_env.friction.law import LAWS, Law, law_of
 from steer_env.friction.level import Scales
-from steer_env.friction.numerics import units
+from steer_env.friction.numerics import packing, units
 from steer_env.friction.numerics.kernel import COMPILED, dispatch, kernel
 from steer_env.friction.numerics.simd import all_of
-from steer_env.friction.numerics.units import NONE, ONE, TWO, Function, Part, Unit, array, caller, values
+from steer_env.friction.numerics.units import NONE, ONE, TWO, Code, Function, Part, Unit, array, caller, values
 
 
 @kernel
@@ -141,23 +141,27 @@ def functions(p: Any) -> tuple[Function, ...]:
     return FUNCTIONS if law_of(p).mean_torque else FUNCTIONS[:MEAN_TORQUE]
 
 
-def bound(p: Any, wide: bool = False) -> Any:
-    """A law as compiled kernels take it in this process, so that they are compiled once for all laws.
-
-    ``wide`` is for kernels of four cars side by side. Without the compiler the law stays as it is.
+def code(p: Any, wide: bool = False) -> Code:
+    """The code of a law in this process; ``wide`` is for kernels of four cars side by side.
 
     Raises
     ------
     ValueError
         One of its functions does not return what it should.
     """
-    if not COMPILED or isinstance(p, Unit):
-        return p
     law = law_of(p)
     try:
-        return units.bound(p, functions(p), law.memory_size(p), wide)
+        return units.code(p, functions(p), law.memory_size(p), wide)
     except TypeError as error:
         raise ValueError(f"friction law {law.name!r}: {error}") from None
+
+
+def bound(p: Any) -> Any:
+    """A law as compiled kernels take it in this process, so that they are compiled once for all laws.
+
+    Without the compiler the law stays as it is.
+    """
+    return Unit(packing.numbers(p), code(p)) if COMPILED and not isinstance(p, Unit) else p
 
 
 _LAW = Law(

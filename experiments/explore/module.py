@@ -23,6 +23,7 @@ from numba import types
 
 from steer_env.connect.fmu.object_code import module_text, object_for
 from steer_env.experiments.pages import files
+from steer_env.friction import sites
 from steer_env.friction.law import law_of
 from steer_env.friction.numerics import cache
 from steer_env.friction.numerics.kernel import kernel
@@ -83,7 +84,8 @@ def path(numbers: Any, tables: Any, memory: Any, scales: Any, x: Any, step: Any,
 def _of_path(p: Plant) -> tuple:
     """Types of the arguments of :func:`path` for the law of a plant and ``SAMPLES`` samples."""
     arrays = [(memory_of(p),), (SAMPLES, 2), (SAMPLES,), (1,), (SAMPLES,)]
-    return (Floats(p.friction), types.CPointer(types.float64), *(Floats(np.zeros(shape)) for shape in arrays))
+    friction = sites.bound(p.friction, linked=True) if isinstance(p.friction, sites.Sites) else p.friction
+    return (Floats(friction), types.CPointer(types.float64), *(Floats(np.zeros(shape)) for shape in arrays))
 
 
 def memory_of(p: Plant) -> int:

@@ -12,6 +12,7 @@ compiler takes over, with the same options and to the same numbers.
 import functools
 import os
 from collections.abc import Callable
+from types import FunctionType
 from typing import Any
 
 import numba
@@ -103,6 +104,7 @@ def binds(position: int, bound: Callable[[Any], Any]) -> Callable[[Any], Any]:
         def entry(*arguments):
             return compiled(*arguments[:position], bound(arguments[position]), *arguments[position + 1 :])
 
+        entry.kernel = compiled  # type: ignore[attr-defined]
         dispatch(entry, lambda kind, name: compiled, forceinline=True)
         return entry
 
@@ -112,6 +114,18 @@ def binds(position: int, bound: Callable[[Any], Any]) -> Callable[[Any], Any]:
 def plain(function: Any) -> Any:
     """A kernel as plain Python, for so few calls that compiling it would take longer."""
     return getattr(function, "py_func", function)
+
+
+def plainly(function: Any) -> Any:
+    """A kernel as plain Python, with all kernels that it calls by their names."""
+    code = plain(function)
+    if not isinstance(code, FunctionType):
+        return function
+    called = {name: code.__globals__[name] for name in code.__code__.co_names if name in code.__globals__}
+    kernels = {name: plainly(each) for name, each in called.items() if plain(each) is not each}
+    made = FunctionType(code.__code__, {**code.__globals__, **kernels}, closure=code.__closure__)
+    made.__defaults__ = code.__defaults__
+    return made
 
 
 def record(parameters: Any) -> np.recarray:
@@ -126,8 +140,10 @@ def bind(function: Any, *arguments: Any) -> Callable:
     """Entry point of ``function`` compiled for the types of these example arguments.
 
     Looking up a signature with nested parameter tuples costs ten times the unpacking of them;
-    a loop that always passes the same types does it once. Wrong types are undefined behaviour.
+    a loop that always passes the same types does it once. Wrong types are undefined behaviour. What :func:`binds`
+    would bind has to be bound.
     """
+    function = getattr(function, "kernel", function)
     if not COMPILED:
         return function
     signature = tuple(numba.typeof(argument) for argument in arguments)

@@ -36,11 +36,17 @@ _intrinsic: Any = extending.intrinsic  # whose first argument no caller gives
 WORD = ir.IntType(64)
 
 
-def _bound_anew(self: Any) -> Any:
-    raise TypeError(f"{type(self).__name__} holds addresses of this process: bind its parameters anew in another one")
+def of_process(kind: Any) -> Any:
+    """A class of what holds addresses, which stays in its process."""
+
+    def refused(self: Any) -> Any:
+        raise TypeError(f"{kind.__name__} holds addresses of this process: bind its parameters anew in another one")
+
+    kind.__reduce__ = refused
+    return packing.shared(kind)
 
 
-@packing.shared
+@of_process
 class Code(NamedTuple):
     """What is common to all units of one class of parameters."""
 
@@ -61,9 +67,6 @@ class Part(NamedTuple):
     addresses: int
     numbers: int
     sizes: int
-
-
-Code.__reduce__ = _bound_anew  # type: ignore[method-assign,assignment]
 
 
 class Numbers(types.CPointer):
@@ -255,15 +258,10 @@ def caller(returns: Any) -> Any:
 
 
 def structure(parameters: Any) -> Any:
-    """What two parts have in common that share their functions: their classes, and which numbers are arrays."""
+    """What two parts have in common that share their functions: the classes of their numbers, and shapes of arrays."""
     if isinstance(parameters, tuple):
         return type(parameters), *map(structure, parameters)
-    return np.ndim(parameters) or type(parameters)
-
-
-def sizes(parameters: Any, remembered: int) -> NDArray[np.int64]:
-    """``sizes`` of a part that remembers so many floats."""
-    return np.array([remembered, *(n for leaf in packing.leaves(parameters) for n in np.shape(leaf.value))])
+    return parameters.shape if isinstance(parameters, np.ndarray) else type(parameters)
 
 
 def ONE(number: Any) -> Any:
@@ -372,16 +370,20 @@ def _linked_type(value: Linked, context: Any) -> LinkedType:
     return LinkedType(value)
 
 
-_addresses: dict[Any, NDArray[np.int64]] = {}
+_codes: dict[Any, Code] = {}  # of this process
+
+
+def code(parameters: Any, functions: tuple[Function, ...], remembered: int, wide: bool = False) -> Code:
+    """The code of a part that remembers so many floats, in this process."""
+    key = structure(parameters), functions, wide
+    if key not in _codes:
+        made = [function.compiled(parameters, wide) for function in functions]
+        addresses = [each.library.get_pointer_to_function(each.fndesc.llvm_func_name) for each in made]
+        lengths = [n for leaf in packing.leaves(parameters) for n in np.shape(leaf.value)]
+        _codes[key] = Code(np.array(addresses, np.int64), np.array([remembered, *lengths], np.int64))
+    return _codes[key]
 
 
 def bound(parameters: Any, functions: tuple[Function, ...], remembered: int, wide: bool = False) -> Unit:
     """The unit of a part that remembers so many floats, in this process."""
-    key = structure(parameters), functions, wide
-    if key not in _addresses:
-        found = []
-        for function in functions:
-            made = function.compiled(parameters, wide)
-            found.append(made.library.get_pointer_to_function(made.fndesc.llvm_func_name))
-        _addresses[key] = np.array(found, np.int64)
-    return Unit(packing.numbers(parameters), Code(_addresses[key], sizes(parameters, remembered)))
+    return Unit(packing.numbers(parameters), code(parameters, functions, remembered, wide))

@@ -511,7 +511,7 @@ def test_a_step_takes_as_long_as_the_kernel(weave, tmp_path):
     p = manoeuvres.build_plant(cars.load("compact"), m, "lugre")
     count = 2000
     state, row = plant.settled(p)
-    arguments = p, state, np.zeros((count, len(plant.INPUTS))), np.zeros((count, row.size)), 1
+    arguments = plant.bound(p), state, np.zeros((count, len(plant.INPUTS))), np.zeros((count, row.size)), 1
     run, kernels, steps = bind(plant.run, *arguments), [], []
     with opened(path, tmp_path / "unit") as (unit, _, _):
         begin(unit)
