@@ -188,9 +188,15 @@ def joint(p, scales, memory, equations, w1, w2, led):
         # Below it, with w1 + slope (w - w2) while the speed w is sought. A slope may lead to and fro across a kink;
         # without it the rounds converge by K^2/(a S).
         if not led:
-            steep = mean_torque(law_at(p, 0), scale, between(memory, p.at.places, 0, 2), w1, h)[1] if p.at.above else 0.0 * a
+            steep = (
+                mean_torque(law_at(p, 0), scale, between(memory, p.at.places, 0, 2), w1, h)[1]
+                if p.at.above
+                else 0.0 * a
+            )
             slope = where((w1 != 0.0) & (i < WITH_SLOPE), K / (a + steep), 0.0)
-        w = _solved_below(p, scales, holds, rests, rest, memory, S - K * slope, R2 + K * (w1 - slope * w2), h, w2, taken)
+        w = _solved_below(
+            p, scales, holds, rests, rest, memory, S - K * slope, R2 + K * (w1 - slope * w2), h, w2, taken
+        )
         expected = w1 + slope * (w - w2)
         for j in range(p.at.above, p.at.places.shape[0]):
             L[j] = where(going, taken[j], L[j])
@@ -287,7 +293,10 @@ def scales(p, conditions, base, load, x, motor, found):
             own = level_scales(_level_at(p, at), 1.0, load, x)  # (F11)
             driving, driven = maximum(p.numbers[at + _GROWTH], 0.0), maximum(p.numbers[at + _GROWTH + 1], 0.0)
             # A negative level, as of a parameter of an exported unit, would drive the steering.
-            positive, negative = maximum(of_car.positive * own.positive, 0.0), maximum(of_car.negative * own.negative, 0.0)
+            positive, negative = (
+                maximum(of_car.positive * own.positive, 0.0),
+                maximum(of_car.negative * own.negative, 0.0),
+            )
             found[2 * i] = positive + grown * where(left, driving, driven)  # (F44)
             found[2 * i + 1] = negative + grown * where(left, driven, driving)  # (F44)
 

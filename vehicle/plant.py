@@ -274,7 +274,7 @@ def report_chassis(p, state, u, row):
 
 def rolling(p):
     """What :func:`begin` takes of a plant, the same type for all steerings; in kernels too."""
-    return p if isinstance(p, Rolling) else _rolling(p)
+    return p if isinstance(p, Rolling) else plain(_rolling)(p)
 
 
 @kernel

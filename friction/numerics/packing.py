@@ -330,7 +330,8 @@ class Floats(types.CPointer):
     """
 
     def __init__(self, template: Any) -> None:
-        self.value_type = numba.typeof(template)  # of the value, which the cache of the kernels looks at
+        self.value_type = numba.typeof(template)
+        self.parts = (self.value_type,)  # which the cache of the kernels looks at
         self.places = tuple(
             _Place(leaf.table, leaf.start, value.shape, value.strides, value.itemsize)
             for leaf in leaves(template)

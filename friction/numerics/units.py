@@ -76,7 +76,8 @@ class Numbers(types.CPointer):
     """
 
     def __init__(self, parameters: Any, wide: bool = False) -> None:
-        self.value_type = numba.typeof(parameters)  # of a part, which the cache of the kernels looks at
+        self.value_type = numba.typeof(parameters)
+        self.parts = (self.value_type,)  # which the cache of the kernels looks at
         self.number = simd.FOUR if wide else types.float64
         super().__init__(self.number)
         self.name = f"Numbers({self.value_type}, {self.number})"
@@ -332,6 +333,10 @@ class LinkedType(types.Type):
         self.given = linked.given
         of_each = [types.int64 if isinstance(each, int) else types.Array(types.int64, 2, "C") for each in self.given]
         self.made = types.NamedTuple(of_each, type(self.given))
+        rows = [row for each in self.given if isinstance(each, tuple) for row in each]
+        self.parts = [
+            kind for row in rows for function, parameters in row for kind in function.types(parameters, False)
+        ]
         super().__init__(f"Linked({[_described(each) for each in self.given]})")
 
     def generate(self, context: Any, builder: Any) -> Any:

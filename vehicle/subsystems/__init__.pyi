@@ -1,4 +1,4 @@
-from .kinds import CLASSES, SUBSYSTEMS, Car, Chassis, Steering, advance, make, register
+from .kinds import CLASSES, SUBSYSTEMS, Car, Chassis, Steering, advance, bound, make, register
 from .subsystem import Signal, Subsystem, channel_signals, is_finite
 
 __all__ = [
@@ -10,6 +10,7 @@ __all__ = [
     "Steering",
     "Subsystem",
     "advance",
+    "bound",
     "channel_signals",
     "is_finite",
     "make",

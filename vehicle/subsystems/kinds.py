@@ -75,7 +75,7 @@ def _chassis(subsystem, state, given, inputs, outputs, samples):
 
 @kernel
 def _begin_plant(subsystem, state):
-    return plant.begin(subsystem.plant, state)
+    return plant.begin(plant.rolling(subsystem.plant), state)
 
 
 @kernel
@@ -94,14 +94,19 @@ def register(kind: type, function: Any) -> None:
     _KERNELS[kind] = function
 
 
+def bound(subsystem: Any) -> Any:
+    """A subsystem by its class as compiled kernels take it in this process (:func:`steer_env.vehicle.plant.bound`)."""
+    return subsystem._replace(plant=plant.bound(subsystem.plant)) if type(subsystem) in _BEGIN else subsystem
+
+
 def begin(subsystem, state):
     """Write the state from which a subsystem settles in straight running, and in how many samples."""
-    return _BEGIN[type(subsystem)](subsystem, state)
+    return _BEGIN[type(subsystem)](bound(subsystem), state)
 
 
 def advance(subsystem, state, given, inputs, outputs, samples):
     """Advance a subsystem by so many samples of 1 ms; whether its state is finite."""
-    return _KERNELS[type(subsystem)](subsystem, state, given, inputs, outputs, samples)
+    return _KERNELS[type(subsystem)](bound(subsystem), state, given, inputs, outputs, samples)
 
 
 dispatch(begin, lambda kind, _: _BEGIN.get(kind))

@@ -18,9 +18,9 @@ from numba.core import cgutils
 from numpy.typing import NDArray
 
 from steer_env.friction.numerics.kernel import COMPILED, kernel
-from steer_env.friction.numerics.packing import Floats, at_addresses, pack
+from steer_env.friction.numerics.packing import Floats, at_addresses, numbers, of_row
 from steer_env.vehicle.plant import linked
-from steer_env.vehicle.subsystems.kinds import CLASSES, advance, begin, register
+from steer_env.vehicle.subsystems.kinds import CLASSES, advance, begin, bound, register
 from steer_env.vehicle.subsystems.subsystem import Subsystem
 
 _intrinsic: Any = extending.intrinsic  # whose first argument no caller gives
@@ -52,11 +52,11 @@ def first(numbers, tables, state):
 def signature(subsystem: Subsystem) -> tuple:
     """Types of the arguments with which :func:`entry` is the function of a subsystem; :func:`first` takes the first."""
     shapes = subsystem.start.size, subsystem.given_size, (1, subsystem.inputs), (1, len(subsystem.outputs))
-    numbers, arrays = (
+    own, arrays = (
         Floats(CLASSES[subsystem.name](linked(subsystem.parameters))),
         (Floats(np.zeros(shape)) for shape in shapes),
     )
-    return (numbers, types.CPointer(types.float64), *arrays, types.int64)
+    return (own, types.CPointer(types.float64), *arrays, types.int64)
 
 
 def address(subsystem: Subsystem) -> int:
@@ -97,31 +97,22 @@ def call(typing_context, code, numbers, tables, state, given, inputs, outputs, s
 class Tunable(NamedTuple):
     """A subsystem whose numbers may change while it runs."""
 
-    code: int  # address of its function
-    numbers: NDArray[np.float64]  # (N,) as :func:`pack` orders them
-    tables: NDArray[np.float64]  # (T,)
+    kind: Any  # Car, Steering or Chassis, bound, whose numbers are those at the beginning
+    numbers: NDArray[np.float64]  # (1, N) as :func:`steer_env.friction.numerics.packing.pack` orders them
 
 
 @kernel
 def _tunable(subsystem, state, given, inputs, outputs, samples):
-    return call(
-        subsystem.code,
-        subsystem.numbers.ctypes.data,
-        subsystem.tables.ctypes.data,
-        state.ctypes.data,
-        given.ctypes.data,
-        inputs.ctypes.data,
-        outputs.ctypes.data,
-        samples,
-    )
+    return advance(of_row(subsystem.kind, subsystem.numbers, 0), state, given, inputs, outputs, samples)
 
 
 register(Tunable, _tunable)
 
 
 def tunable(subsystem: Subsystem) -> Tunable:
-    """A subsystem as :func:`advance` takes it, whose numbers may change; ValueError where kernels are not compiled."""
-    return Tunable(address(subsystem), *pack(CLASSES[subsystem.name](subsystem.parameters)))
+    """A subsystem as :func:`advance` takes it, whose numbers may change."""
+    kind = CLASSES[subsystem.name](subsystem.parameters)
+    return Tunable(bound(kind), numbers(kind)[None])
 
 
 def require_compiled(what: str) -> None:

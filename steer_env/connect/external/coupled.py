@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -87,7 +88,7 @@ class Coupled:
         self._others = [(k, _INPUT[name]) for k, name in enumerate(vehicle.takes) if name not in RACK]
         self._given, self._row, self._unused = np.zeros(6), np.zeros((1, _COLUMN + 2)), np.zeros((1, 1))
         self._taken = np.zeros(len(vehicle.takes))
-        self._bound: tuple[tuple[Any, ...], Callable] | None = None  # members of a plant and the kernel for them
+        self._bound: tuple[tuple[Any, ...], Callable, plant.Plant] | None = None  # members, kernel, bound plant
         self.work, self.force = np.zeros(3), 0.0
 
     def suited(self, manoeuvre: Manoeuvre) -> Manoeuvre:
@@ -191,7 +192,7 @@ class Coupled:
             self.force = force = self._held_force()
             given[4], given[5] = force + u[RACK_DISTURBANCE], abs(self._values[self._speed])
             before = p.pinion_radius * state[COLUMN_ANGLE]
-            finite = advance(p, state, given, self._unused, self._row, 1)
+            finite = advance(state, given, self._unused, self._row, 1)
             self._time += 1
             if not finite:
                 bad = plant.state_name(p, int(np.flatnonzero(~np.isfinite(state))[0]))
@@ -207,12 +208,14 @@ class Coupled:
         return True
 
     def _kernel(self, p: plant.Plant, state: Array) -> Callable:
-        """The kernel of the steering for the types of a plant, kept while its members stay, as a look-up takes long."""
+        """The kernel of the steering for a plant, kept while its members stay, as a look-up takes long."""
         members = tuple(getattr(p, name) for name in p._fields if name != "robot")
         if not self._bound or any(one is not other for one, other in zip(members, self._bound[0])):
-            kernel = bind(steering.advance, p, state, self._given, self._unused, self._row, 1)
-            self._bound = members, kernel
-        return self._bound[1]
+            made = plant.bound(p)
+            kernel = bind(steering.advance, made, state, self._given, self._unused, self._row, 1)
+            self._bound = members, kernel, made
+        _, kernel, made = self._bound
+        return partial(kernel, made._replace(robot=p.robot))
 
     def _held_force(self) -> float:
         """Rack force of the vehicle in the middle of the present step of the steering [N]."""

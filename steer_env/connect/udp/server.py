@@ -196,7 +196,7 @@ class Server(Worker):
         self._socket = bound_socket(address, port, WAKE)
         self.address: tuple[str, int] = self._socket.getsockname()
         self.loop, made = loop_of(limits or Limits()), tunable(subsystem)
-        self._link, model = link_of(self.layout, mode, made.numbers), model_of(subsystem._replace(parameters=made))
+        self._link, model = link_of(self.layout, mode, made.numbers[0]), model_of(subsystem._replace(parameters=made))
         of_socket = Port(
             descriptor=self._socket.fileno(),
             sender=np.zeros(2, np.uint64),

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.live.real_time.configurations import Switch
-from steer_env.vehicle.subsystems import CLASSES, Subsystem, advance, is_finite
+from steer_env.vehicle.subsystems import CLASSES, Subsystem, advance, bound, is_finite
 from steer_env.vehicle.subsystems.machine_code import Tunable
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ def model_of(source: "Subsystem | CarConfigurations") -> Model:
     names, given = ([signal.name for signal in signals] for signals in (subsystem.outputs, subsystem.given))
     shown = subsystem.shown.reshape(1, -1).copy()
     return Model(
-        subsystem=subsystem.parameters if own else CLASSES[subsystem.name](subsystem.parameters),
+        subsystem=subsystem.parameters if own else bound(CLASSES[subsystem.name](subsystem.parameters)),
         state=subsystem.start.copy(),
         given=begin.copy(),
         wanted=begin.copy(),

@@ -20,7 +20,7 @@ class Direct:
         if tuned:
             made = tunable(self.subsystem)
             self.model = model_of(self.subsystem._replace(parameters=made))
-            self.link = link_of(self.layout, mode, made.numbers)
+            self.link = link_of(self.layout, mode, made.numbers[0])
         self.inputs = np.array([signal.start for signal in self.subsystem.given])
 
     def send(self, packet, known=True, now=0):

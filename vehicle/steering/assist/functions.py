@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from steer_env.friction.numerics import units
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.interpolation import bracket
-from steer_env.friction.numerics import units
 from steer_env.friction.numerics.kernel import COMPILED, dispatch, kernel
 from steer_env.friction.numerics.units import ONE, Function, Unit, array, caller, values
 from steer_env.vehicle.steering.assist import (
