@@ -205,9 +205,7 @@ def _try(law: Law, given: Mapping[str, Any]) -> None:
     try:
         p = law.make()
     except TypeError as error:
-        raise ValueError(
-            f"friction law {law.name!r}: make must take no more than keywords, all with defaults: {error}"
-        ) from None
+        raise ValueError(f"friction law {law.name!r}: make takes keywords, all with defaults: {error}") from None
     n = int(given["memory_size"](p)) if given["memory_size"] else 0
     for name, function in ((name, given[name]) for name in _ARGUMENTS if given.get(name)):
         told = f"friction law {law.name!r}: {name}({_ARGUMENTS[name]})"

@@ -173,7 +173,7 @@ def joint(p, scales, memory, equations, w1, w2, led):
     for i in range(MOST_ROUNDS + 1):
         # Above the bar, at the speed w2 below it
         R = where(led, math.copysign(math.inf, w1), R1 + K * w2)
-        w, slope = R / a, 0.0  # (F43) without friction
+        w, slope = R / a, 0.0  # (F43) without friction above
         if p.at.above:
             law, own = law_at(p, 0), between(memory, p.at.places, 0, 2)
             scale = where(going, chosen(law, Scales(scales[0], scales[1]), own, R, h), scale)  # (F11)
@@ -188,15 +188,12 @@ def joint(p, scales, memory, equations, w1, w2, led):
         # Below it, with w1 + slope (w - w2) while the speed w is sought. A slope may lead to and fro across a kink;
         # without it the rounds converge by K^2/(a S).
         if not led:
-            steep = (
-                mean_torque(law_at(p, 0), scale, between(memory, p.at.places, 0, 2), w1, h)[1]
-                if p.at.above
-                else 0.0 * a
-            )
-            slope = where((w1 != 0.0) & (i < WITH_SLOPE), K / (a + steep), 0.0)
-        w = _solved_below(
-            p, scales, holds, rests, rest, memory, S - K * slope, R2 + K * (w1 - slope * w2), h, w2, taken
-        )
+            whole = a
+            if p.at.above:
+                whole += mean_torque(law_at(p, 0), scale, between(memory, p.at.places, 0, 2), w1, h)[1]
+            slope = where((w1 != 0.0) & (i < WITH_SLOPE), K / whole, 0.0)
+        R = R2 + K * (w1 - slope * w2)
+        w = _solved_below(p, scales, holds, rests, rest, memory, S - K * slope, R, h, w2, taken)
         expected = w1 + slope * (w - w2)
         for j in range(p.at.above, p.at.places.shape[0]):
             L[j] = where(going, taken[j], L[j])
@@ -218,7 +215,7 @@ def joint(p, scales, memory, equations, w1, w2, led):
 
 @kernel
 def _held_below(p, scales, memory, h, holds, rests):
-    """The scales with which the memories below the bar are loaded, and cut back to; the torques at rest, and their sum."""
+    """Sum of the torques at rest below the bar, each in ``rests``, at the scales with which the memories are loaded."""
     rest = 0.0
     for i in range(p.at.above, p.at.places.shape[0]):
         own, both = between(memory, p.at.places, i, 2), Scales(scales[2 * i], scales[2 * i + 1])
@@ -264,7 +261,7 @@ def _mean_below(p, L, memory, w, h):
 
 @kernel
 def scales(p, conditions, base, load, x, motor, found):
-    """Fill ``found`` (2 n,) with the factors on the saturated friction of positive and of negative motion, site by site.
+    """Fill ``found`` (2 n,) with the factors on the saturated friction of each site, by the direction of motion.
 
     Parameters
     ----------
@@ -293,10 +290,8 @@ def scales(p, conditions, base, load, x, motor, found):
             own = level_scales(_level_at(p, at), 1.0, load, x)  # (F11)
             driving, driven = maximum(p.numbers[at + _GROWTH], 0.0), maximum(p.numbers[at + _GROWTH + 1], 0.0)
             # A negative level, as of a parameter of an exported unit, would drive the steering.
-            positive, negative = (
-                maximum(of_car.positive * own.positive, 0.0),
-                maximum(of_car.negative * own.negative, 0.0),
-            )
+            positive = maximum(of_car.positive * own.positive, 0.0)
+            negative = maximum(of_car.negative * own.negative, 0.0)
             found[2 * i] = positive + grown * where(left, driving, driven)  # (F44)
             found[2 * i + 1] = negative + grown * where(left, driven, driving)  # (F44)
 
@@ -421,8 +416,8 @@ def _table(p: Any, idle: tuple[bool, ...], wide: bool, linked: bool) -> Any:
 def _stacked(rows: list[NDArray[np.int64]]) -> NDArray[np.int64]:
     """Rows of different lengths as one array."""
     found = np.zeros((len(rows), max(map(len, rows), default=1)), np.int64)
-    for held, row in zip(found, rows):
-        held[: len(row)] = row
+    for i, row in enumerate(rows):
+        found[i, : len(row)] = row
     return found
 
 

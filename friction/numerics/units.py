@@ -333,10 +333,8 @@ class LinkedType(types.Type):
         self.given = linked.given
         of_each = [types.int64 if isinstance(each, int) else types.Array(types.int64, 2, "C") for each in self.given]
         self.made = types.NamedTuple(of_each, type(self.given))
-        rows = [row for each in self.given if isinstance(each, tuple) for row in each]
-        self.parts = [
-            kind for row in rows for function, parameters in row for kind in function.types(parameters, False)
-        ]
+        cells = [cell for each in self.given if isinstance(each, tuple) for row in each for cell in row]
+        self.parts = [kind for function, parameters in cells for kind in function.types(parameters, False)]
         super().__init__(f"Linked({[_described(each) for each in self.given]})")
 
     def generate(self, context: Any, builder: Any) -> Any:

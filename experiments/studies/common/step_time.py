@@ -32,6 +32,7 @@ from steer_env.friction.numerics.kernel import kernel
 from steer_env.registration import id_of
 from steer_env.vehicle import cars, plant
 from steer_env.vehicle.chassis.common.interface import HAND, HAND_SPEED
+from steer_env.vehicle.layout import layout
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 Key = TypeVar("Key")
@@ -477,7 +478,7 @@ def _weave(chassis: str, friction: Any, n: int) -> tuple[plant.Plant, Any, Any]:
     """A plant of the default car in a weave, its state and the inputs of ``n`` samples."""
     weave = manoeuvres.make("weave")
     whole = manoeuvres.build_plant(cars.load(), replace(weave, chassis=chassis), friction)
-    return whole, plant.initial_state(whole), manoeuvres.inputs(weave, 0.26, n * SAMPLE_TIME)
+    return plant.bound(whole), plant.initial_state(whole), manoeuvres.inputs(weave, 0.26, n * SAMPLE_TIME)
 
 
 def right_hand_sides() -> dict[str, Run]:
