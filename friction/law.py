@@ -17,7 +17,7 @@ import numpy as np
 
 from steer_env.friction import fitted_file, ode
 from steer_env.friction.numerics.check import constructed, read_number
-from steer_env.friction.numerics.kernel import dispatch, kernel, plainly
+from steer_env.friction.numerics.kernel import binds, dispatch, kernel, plainly
 from steer_env.friction.numerics.registry import Registry
 from steer_env.friction.numerics.simd import any_of, negated, where
 
@@ -480,6 +480,11 @@ def newton(p, torque_scale, memory, S, R, h, w_guess, rest):
     return where(moves, side * s, excess)
 
 
+def _for_kernels(p: Any) -> Any:
+    return p.for_kernels() if hasattr(p, "for_kernels") else p
+
+
+@binds(0, _for_kernels)
 @kernel
 def step(p, torque_scale, memory, S, R, h, w_guess):
     """Solve ``S w + T = R`` (F7) over a step of ``h`` [s] and advance the memory; the same for every law.

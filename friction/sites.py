@@ -82,6 +82,10 @@ class Sites(NamedTuple):
     rack: Site
     motor: Site
 
+    def for_kernels(self) -> "Bound":
+        """The sites as kernels of :mod:`steer_env.friction.law` take them."""
+        return bound(self)
+
 
 @units.of_process
 class Table(NamedTuple):
@@ -560,7 +564,10 @@ _TOGETHER = Law(
     **{name: functools.partial(_unbound, kernel) for name, kernel in _OF_ALL.items()},
 )
 LAWS.know(Sites, _TOGETHER)
-LAWS.know(Bound, _TOGETHER._replace(parameters=Bound, **_OF_ALL))
+LAWS.know(
+    Bound,
+    _TOGETHER._replace(parameters=Bound, memory_size=lambda p: int(p.at.places[:, 3].max(initial=0)), **_OF_ALL),
+)
 LAWS.know(Below, _TOGETHER._replace(parameters=Below, mean_torque=_mean_below))
 
 

@@ -27,9 +27,9 @@ ROAD = 20.0  # stiffness of a road spring at the column [N m/rad]
 def driven(p, torque, h, steps, load=0.0, motor=0.0, q=None):
     """Rows (T, 6) of angles, speeds and both friction torques under a hand torque, and the work that is lost [J]."""
     q = np.zeros(4) if q is None else q
-    memory, rows, off = at_rest(p), [], 0.0
+    p, memory, rows, off = sites.bound(p), at_rest(p), [], 0.0
     for i in range(steps):
-        scales = sites.scales(p, Level(), 1.0, load, q[column.COLUMN_ANGLE], motor)
+        scales = both_ways(p, load, q[column.COLUMN_ANGLE], motor)
         before, road = column.energy(C, q), -ROAD * q[column.COLUMN_ANGLE]
         hand = torque((i + 0.5) * h)
         start = q.copy()
@@ -41,6 +41,13 @@ def driven(p, torque, h, steps, load=0.0, motor=0.0, q=None):
         off = max(off, abs(column.energy(C, q) - before - (hand * w1 + (road + motor) * w2) * h + lost))
         rows.append((q[0], q[2], w1, w2, above, T_F))
     return np.array(rows), off, memory
+
+
+def both_ways(p, load=0.0, x=0.0, motor=0.0):
+    """Scales of every site in both directions."""
+    found = np.zeros(column.SCALES)
+    sites.scales(p, Level(), 1.0, load, x, motor, found)
+    return found
 
 
 def _above(start, end, w1, w2, hand, h):
@@ -104,12 +111,13 @@ def test_both_step_equations_are_solved(pair, seed, h):
     a, S, K = (2.0 * 0.037 / h, 2.0 * 0.052 / h, 0.07 + 65.0 * h)
     for side, fall in zip((0, 1), sites.falls(p, Level(), 1.0, 0.0, 0.0, h)):
         a, S = (a + fall, S) if side == 0 else (a, S + fall)
-    scales = sites.scales(p, Level(), 1.0, 0.0, 0.0, 0.0)
+    bound = sites.bound(p)
+    scales = both_ways(bound)
     for _ in range(20):
         R1, R2 = rng.normal(0.0, 10.0 ** rng.uniform(-2, 1.5), 2)
         before = memory.copy()
-        step = sites.Step(a + K, R1, K, S + K, R2, h)
-        w1, w2, *T = sites.joint(p, scales, memory, step, *rng.normal(0.0, 1.0, 2))
+        step = sites.Equations(a + K, R1, K, S + K, R2, h)
+        w1, w2, *T = sites.joint(bound, scales, memory, step, *rng.normal(0.0, 1.0, 2), False)
         for w, found, site in zip((w1, w2), T, (p.upper_column, p.rack)):
             own = before[site.start : site.end]
             if w == 0.0:
@@ -147,8 +155,8 @@ def test_second_order():
 
 def _centred(p, h):
     """Angles after 0.5 s with the road's torque at the middle of each step, as the plant extrapolates it."""
-    q, memory = np.zeros(4), at_rest(p)
-    scales = sites.scales(p, Level(), 1.0, 0.0, 0.0, 0.0)
+    q, memory, p = np.zeros(4), at_rest(p), sites.bound(p)
+    scales = both_ways(p)
     for i in range(round(0.5 / h)):
         road = -ROAD * (q[2] + 0.5 * h * q[3])
         column.step(C, p, scales, q, memory, False, _mean_wave(i * h, h), 0.0, road, h)
@@ -168,9 +176,10 @@ def test_a_worm_gear_slides_with_its_efficiencies(side, motor):
     p = friction.resolve(
         {"gear": {"law": "masing", "F_c": 0.5, "efficiency": {"lead_angle": 0.25, "friction_coefficient": 0.05}}}
     )
-    scales, memory = sites.scales(p, Level(), 1.0, 0.0, 0.0, motor), at_rest(p)
+    memory, p = at_rest(p), sites.bound(p)
+    scales, equations = both_ways(p, motor=motor), sites.Equations(1.0, 0.0, 0.0, 100.0, 100.0 * side, 1e-3)
     for _ in range(200):
-        w, _, T = sites.led(p, scales, memory, 0.0, 100.0, 100.0 * side, 1e-3, 0.0)
+        _, w, _, T = sites.joint(p, scales, memory, equations, 0.0, 0.0, True)
     assert side * w > 0.9
     # The motor's torque less friction is the output; driven back, the input less friction is what the motor holds.
     growth = abs(motor) * (1.0 - found.driving if side * motor > 0.0 else 1.0 / found.driven - 1.0)
@@ -278,8 +287,8 @@ def test_what_was_left_out_follows_what_is_varied():
 def test_a_stiff_bar_with_sticking_sites_is_solved():
     """Where a kink would lead to and fro between two speeds: energy is not made below the bar, nor above it."""
     stiff = column.make(K_tb=1e4, C1=0.05)
-    p, rng = friction.resolve({"upper_column": "coulomb,F_c=0.5", "rack": "coulomb"}), np.random.default_rng(5)
-    scales, q, memory = sites.scales(p, Level(), 1.0, 0.0, 0.0, 0.0), np.zeros(4), np.zeros(0)
+    p, rng = sites.bound(friction.resolve("coulomb,F_c=0.5@upper_column+coulomb@rack")), np.random.default_rng(5)
+    scales, q, memory = both_ways(p), np.zeros(4), np.zeros(0)
     for _ in range(3000):
         start, hand, road = q.copy(), rng.normal(0.0, 3.0), rng.normal(0.0, 3.0)
         w1, w2, T_F, _ = column.step(stiff, p, scales, q, memory, False, hand, 0.0, road, 1e-2)

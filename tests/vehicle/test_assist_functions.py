@@ -301,7 +301,7 @@ def test_states_are_named_and_rows_run_alone():
     rows, inputs, finite = packing.pack(p).numbers[None], np.zeros((1, 300, len(plant.INPUTS))), np.zeros(1, bool)
     inputs[0, :, plant.HAND] = 2.0
     many, channels, record = state[None].copy(), row[None].copy(), np.zeros((1, row.size))
-    plant.run_rows(p, rows, many, inputs, channels, finite, 0, 1)
+    plant.run_rows(plant.bound(p), rows, many, inputs, channels, finite, 0, 1)
     assert plant.run(p, state, inputs[0], record, 1)
     assert finite[0]
     assert np.array_equal(many[0], state)

@@ -82,11 +82,11 @@ def simulate(c, p, drive, n):
     edges = np.linspace(0.0, DURATION, n + 1)
     h = DURATION / n
     T_C, T1 = mean_of(column_torque, edges), mean_of(hand_torque, edges)
-    q, memory = np.zeros(4), at_rest(p)
+    q, memory, bound = np.zeros(4), at_rest(p), sites.bound(p)
     x = np.zeros((6, n + 1))
     for i in range(n):
         if drive == "torque":
-            _, _, T_F, needed = column.step(c, p, sites.uniform(p, 1.0), q, memory, False, T1[i], 0.0, T_C[i], h)
+            _, _, T_F, needed = column.step(c, bound, np.ones(column.SCALES), q, memory, False, T1[i], 0.0, T_C[i], h)
         else:
             end = edges[i + 1]
             _, _, T_F, needed = column.step_angle(c, p, 1.0, q, memory, hand_angle(end), hand_speed(end), T_C[i], h)

@@ -24,8 +24,9 @@ def test_assist_hides_friction_below_the_bar(site, share):
 
     Statics: T1 = T_tb + F_above, (1 + A) T_tb = K_road th2 + F_below, T_tb = K_tb (th1 - th2).
     """
-    c, p = column.make(C2=0.0, C_tb=0.1), friction.resolve({site: {"law": "coulomb", "F_c": F}})
-    scales = sites.scales(p, Level(), 1.0, 0.0, 0.0, 0.0)
+    c, p = column.make(C2=0.0, C_tb=0.1), sites.bound(friction.resolve({site: {"law": "coulomb", "F_c": F}}))
+    scales = np.zeros(column.SCALES)
+    sites.scales(p, Level(), 1.0, 0.0, 0.0, 0.0, scales)
     q, memory, h, omega = np.zeros(4), np.zeros(0), 1e-3, 2.0 * math.pi * 0.025
     t = h * np.arange(1, 40_001)  # a cycle: the angle falls through zero at 20 s, and rises through it at 40 s
     torque = np.empty(t.size)

@@ -61,7 +61,7 @@ def test_rows_run_as_their_plants_alone(law, chassis):
     rows, finite = np.array([packing.numbers(p) for p in plants]), np.zeros(3, bool)
     inputs = np.zeros((3, 40, len(plant.INPUTS)))
     inputs[:, :, plant.HAND] = rng.uniform(-3.0, 3.0, (3, 40))
-    third, outline = states[2].copy(), packing.outline(plants[0])
+    third, outline = states[2].copy(), packing.outline(plant.bound(plants[0]))
     for _ in range(10):
         plant.run_rows(outline, rows, states, inputs, channels, finite, 0, 2)
     assert finite.tolist() == [True, True, False]
@@ -117,11 +117,12 @@ def test_four_rows_side_by_side_have_the_bits_of_each_alone(law):
     plants = list(seven_rows(law))
     states = np.array([plant.initial_state(p) for p in plants])
     rows, common = np.array([packing.numbers(p) for p in plants]), packing.common_columns(plants[0])
-    channels, outline = np.zeros((7, len(plant.channels(plants[0])))), packing.outline(plants[0])
+    channels = np.zeros((7, len(plant.channels(plants[0]))))
+    outline, wide = (packing.outline(plant.bound(plants[0], lanes)) for lanes in (False, True))
     kept = np.zeros(7, bool)
     one, four = (tuple(map(np.copy, (states, channels, kept))) for _ in range(2))
-    for begin, (begun, *_) in ((plant.begin_rows, one), (plant.begin_fours, four)):
-        begin(outline, rows, begun, np.zeros(7, int), 0, 7)
+    plant.begin_rows(outline, rows, one[0], np.zeros(7, int), 0, 7)
+    plant.begin_fours(wide, rows, four[0], np.zeros(7, int), 0, 7)
     np.testing.assert_array_equal(four[0], one[0])
     for k in range(40):
         inputs = rng.uniform(-1.0, 1.0, (7, 10, len(plant.INPUTS)))
@@ -131,7 +132,7 @@ def test_four_rows_side_by_side_have_the_bits_of_each_alone(law):
             inputs[6, 3, plant.HAND] = np.nan
         plant.run_rows(outline, rows, one[0], inputs, *one[1:], 0, 7)
         for low, high in ((0, 3), (3, 7)) if k % 2 else ((0, 1), (1, 7)):
-            plant.run_fours(outline, common, rows, four[0], inputs, *four[1:], low, high)
+            plant.run_fours(wide, common, rows, four[0], inputs, *four[1:], low, high)
         for alone, beside in zip(one, four):
             np.testing.assert_array_equal(beside, alone)
     assert one[2].tolist() == [True] * 6 + [False]

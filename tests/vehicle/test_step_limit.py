@@ -91,8 +91,8 @@ def test_a_range_that_is_too_steep_at_its_end_is_refused_when_the_environment_is
 def test_the_slope_is_the_least_of_the_column(robot, arms):
     """S, read from a step: with viscous friction alone, the load over the speed that it gives is S + sigma_2."""
     c, h = column.make()._replace(I_arm=arms, K_arm=10.0 * arms, C_arm=arms), 1e-3
-    p = friction.make("viscous", sigma_2=0.0)
-    _, w2, _, _ = column.step(c, p, sites.uniform(p, 1.0), np.zeros(4), np.zeros(0), robot, 0.0, 0.0, 1.0, h)
+    p, scales = sites.bound(friction.make("viscous", sigma_2=0.0)), np.ones(column.SCALES)
+    _, w2, _, _ = column.step(c, p, scales, np.zeros(4), np.zeros(0), robot, 0.0, 0.0, 1.0, h)
     assert 1.0 / w2 >= SLOPE * (1 - 1e-12)
     if not robot:
         assert 1.0 / w2 == pytest.approx(step_limit.least_slope(c, h), rel=1e-12)
