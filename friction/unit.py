@@ -14,12 +14,12 @@ from steer_env.friction.level import Scales
 from steer_env.friction.numerics import packing, units
 from steer_env.friction.numerics.kernel import COMPILED, dispatch, kernel
 from steer_env.friction.numerics.simd import all_of
-from steer_env.friction.numerics.units import NONE, ONE, TWO, Code, Function, Part, Unit, array, caller, values
+from steer_env.friction.numerics.units import NONE, ONE, TWO, Code, Function, Part, Unit, array, caller, number, values
 
 
 @kernel
 def _torque(numbers, sizes, torque_scale, memory, w):
-    return laws.torque(values(numbers, sizes), torque_scale, array(memory, sizes), w)
+    return number(laws.torque(values(numbers, sizes), torque_scale, array(memory, sizes), w), w)
 
 
 @kernel
@@ -29,12 +29,13 @@ def _advance(numbers, sizes, torque_scale, memory, w, h):
 
 @kernel
 def _rest_torque(numbers, sizes, torque_scale, memory, h):
-    return laws.rest_torque(values(numbers, sizes), torque_scale, array(memory, sizes), h)
+    return number(laws.rest_torque(values(numbers, sizes), torque_scale, array(memory, sizes), h), torque_scale)
 
 
 @kernel
 def _held(numbers, sizes, positive, negative, memory, h):
-    return level.held(values(numbers, sizes), Scales(positive, negative), array(memory, sizes), h)
+    scale, rest = level.held(values(numbers, sizes), Scales(positive, negative), array(memory, sizes), h)
+    return scale, number(rest, scale)
 
 
 @kernel
@@ -44,17 +45,20 @@ def _chosen(numbers, sizes, positive, negative, memory, R, h):
 
 @kernel
 def _step(numbers, sizes, positive, negative, memory, S, R, h, w_guess):
-    return level.step(values(numbers, sizes), Scales(positive, negative), array(memory, sizes), S, R, h, w_guess)
+    both = Scales(positive, negative)
+    w, T = level.step(values(numbers, sizes), both, array(memory, sizes), S, R, h, w_guess)
+    return number(w, R), T
 
 
 @kernel
 def _solve(numbers, sizes, torque_scale, memory, S, R, h, w_guess):
-    return laws.solve(values(numbers, sizes), torque_scale, array(memory, sizes), S, R, h, w_guess)
+    return number(laws.solve(values(numbers, sizes), torque_scale, array(memory, sizes), S, R, h, w_guess), R)
 
 
 @kernel
 def _mean_torque(numbers, sizes, torque_scale, memory, w, h):
-    return laws.mean_torque(values(numbers, sizes), torque_scale, array(memory, sizes), w, h)
+    T, slope = laws.mean_torque(values(numbers, sizes), torque_scale, array(memory, sizes), w, h)
+    return number(T, w), number(slope, w)
 
 
 FUNCTIONS = (  # in the order of their addresses

@@ -3,7 +3,7 @@
 numba's own cache looks at the file that holds the kernel only, and would serve stale code after a change of a callee,
 of a friction law or of a constant in another file. :func:`stamp` therefore counts whole files: that of the kernel,
 those of the classes in its signature, which select functions at dispatch points, and of all modules that these refer to
-by any name. A package that loads its modules when they are asked for counts with all files in its folder; an installed
+by any name, with the constants and functions that their names stand for now. A package that loads its modules when they are asked for counts with all files in its folder; an installed
 package of somebody else with size and date of the file that is referred to. What has no file, or one that was edited
 while the process runs, is refused, and the kernel is then compiled without a cache: a stale kernel would give wrong
 results, a missing cache only costs time.
@@ -36,6 +36,10 @@ _FREE = (  # settings of numba that leave the code as it is, or that numba sets 
 )
 
 
+# How kernels are compiled and kept, whose numbers change as they are.
+_MACHINERY = tuple(f"{__package__}.{name}" for name in ("cache", "compiler", "kernel", "stamp"))
+
+
 class UndecidableError(Exception):
     """A kernel refers to something that cannot be stamped."""
 
@@ -62,15 +66,18 @@ def stamp(kernel: Any, signature: tuple, compiler: str) -> str:
         If the kernel refers to a thing whose source this module cannot find.
     """
     function = kernel.py_func
-    if function.__closure__:
-        raise UndecidableError(f"{function.__qualname__} closes over values, which may differ from call to call")
+    closed = [_value(cell.cell_contents) for cell in function.__closure__ or ()]
+    if None in closed:
+        raise UndecidableError(f"{function.__qualname__} closes over more than constants")
     files: dict[str, str] = {}
     for name in (function.__module__, *(made_of.__module__ for kind in signature for made_of in _classes(kind))):
         if getattr(sys.modules.get(name), "__file__", None) is None and name != "builtins":
             raise UndecidableError(f"{name} has no source file")
         _count(sys.modules[name], files)
     counted = sorted(f"{file} {digest}" for file, digest in files.items())
-    return _hash(_environment(compiler), function.__module__, function.__qualname__, *map(str, signature), *counted)
+    return _hash(
+        _environment(compiler), function.__module__, function.__qualname__, *closed, *map(str, signature), *counted
+    )
 
 
 def _classes(kind: Any) -> Iterator[type]:
@@ -94,10 +101,26 @@ def _count(module: ModuleType, files: dict[str, str]) -> None:
     files[name] = _digest(file)
     if "__getattr__" in vars(module) and "__path__" in vars(module):
         files[f"{name}.*"] = _hash(*(_digest(each) for each in sorted(file.parent.rglob("*.py"))))
-    for value in list(vars(module).values()):
+    for key, value in list(vars(module).items()):
         referred = value if isinstance(value, ModuleType) else sys.modules.get(getattr(value, "__module__", None) or "")
         if referred is not None and referred.__name__ != "__main__":
             _count(referred, files)
+        if name not in _MACHINERY and not key.startswith("__"):  # what is set while the process runs counts too
+            files[f"{name}.{key}"] = (
+                _value(value) or f"{getattr(referred, '__name__', '')} {getattr(value, '__qualname__', '')}"
+            )
+
+
+def _value(value: Any) -> str | None:
+    """Digest of a constant that compiled code may freeze; None for anything else."""
+    if value is None or isinstance(value, bool | int | float | complex | str | bytes):
+        return f"{type(value).__name__} {value!r}"
+    if isinstance(value, np.ndarray | np.generic) and not value.dtype.hasobject:
+        return _hash(type(value), value.dtype, np.shape(value), np.asarray(value).tobytes())
+    if isinstance(value, tuple):
+        members = [_value(each) for each in value]
+        return None if None in members else _hash(type(value), getattr(value, "_fields", ()), *members)
+    return None
 
 
 @functools.cache

@@ -144,6 +144,14 @@ def array(typing_context, first, sizes):
     return kind(first, sizes), generate
 
 
+@_intrinsic
+def number(typing_context, x, like):
+    """A number as wide as another one."""
+    if not isinstance(x, types.Number | simd.Wide):
+        return None
+    return like(x, like), lambda context, builder, signature, given: context.cast(builder, given[0], x, like)
+
+
 def _array(context: Any, builder: Any, kind: Any, data: Any, shape: Sequence[Any]) -> tuple[Any, Any]:
     """A contiguous array at an address, and how many elements it has."""
     itemsize = context.get_abi_sizeof(context.get_data_type(kind.dtype))
