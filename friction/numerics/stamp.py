@@ -3,10 +3,10 @@
 numba's own cache looks at the file that holds the kernel only, and would serve stale code after a change of a callee,
 of a friction law or of a constant in another file. :func:`stamp` therefore counts whole files: that of the kernel,
 those of the classes in its signature, which select functions at dispatch points, and of all modules that these refer to
-by any name, with the constants and functions that their names stand for now. A package that loads its modules when they are asked for counts with all files in its folder; an installed
-package of somebody else with size and date of the file that is referred to. What has no file, or one that was edited
-while the process runs, is refused, and the kernel is then compiled without a cache: a stale kernel would give wrong
-results, a missing cache only costs time.
+by any name, with the constants and functions that their names stand for now. A package that loads its modules when they
+are asked for counts with all files in its folder; an installed package of somebody else with size and date of the file
+that is referred to. What has no file, or one that was edited while the process runs, is refused, and the kernel is then
+compiled without a cache: a stale kernel would give wrong results, a missing cache only costs time.
 """
 
 import functools

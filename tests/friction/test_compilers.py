@@ -98,7 +98,7 @@ print(kernel.COMPILER, functions)
 """
 
 
-# Functions that numba compiles for an environment on two tracks, 178 when this was set, those of the law among them; each takes about 0.1 s.
+# Functions that numba compiles for an environment on two tracks with its law, 178 when this was set; 0.1 s each.
 COMPILED_AT_MOST = 182
 
 
