@@ -21,6 +21,7 @@ from numba.extending import overload
 
 from steer_env.friction.numerics import cache
 from steer_env.friction.numerics.frozen import frozen
+from steer_env.friction.numerics.stamp import POINTS
 
 COMPILED = not numba.config.DISABLE_JIT  # type: ignore[attr-defined]  # False: kernels are plain Python
 
@@ -84,6 +85,8 @@ def dispatch(point: Callable, choose: Callable[[type, str], Any], **more: Any) -
     """
     if not COMPILED:
         return
+
+    POINTS[point] = choose
 
     def chosen(p, *_):
         return plain(choose(getattr(p, "instance_class", type(None)), point.__name__))

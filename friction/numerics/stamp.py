@@ -3,8 +3,8 @@
 numba's own cache looks at the file that holds the kernel only, and would serve stale code after a change of a callee,
 of a friction law or of a constant in another file. :func:`stamp` therefore counts whole files: that of the kernel,
 those of the classes in its signature, which select functions at dispatch points, and of all modules that these refer to
-by any name, with the constants and functions that their names stand for now. A package that loads its modules when they
-are asked for counts with all files in its folder; an installed package of somebody else with size and date of the file
+by any name, with the constants and functions that their names stand for now. Of a package that loads its modules when
+they are asked for it counts what is asked for; an installed package of somebody else with size and date of the file
 that is referred to. What has no file, or one that was edited while the process runs, is refused, and the kernel is then
 compiled without a cache: a stale kernel would give wrong results, a missing cache only costs time.
 """
@@ -13,10 +13,11 @@ import functools
 import hashlib
 import os
 import platform
+import re
 import sys
 import sysconfig
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -38,6 +39,9 @@ _FREE = (  # settings of numba that leave the code as it is, or that numba sets 
 
 # How kernels are compiled and kept, whose numbers change as they are.
 _MACHINERY = tuple(f"{__package__}.{name}" for name in ("cache", "compiler", "kernel", "stamp"))
+
+
+POINTS: dict[Callable, Callable[[type, str], Any]] = {}  # dispatch point -> (class, name of the point) -> function
 
 
 class UndecidableError(Exception):
@@ -70,10 +74,13 @@ def stamp(kernel: Any, signature: tuple, compiler: str) -> str:
     if None in closed:
         raise UndecidableError(f"{function.__qualname__} closes over more than constants")
     files: dict[str, str] = {}
-    for name in (function.__module__, *(made_of.__module__ for kind in signature for made_of in _classes(kind))):
+    classes = {made_of for kind in signature for made_of in _classes(kind)}
+    chosen = (choose(made_of, point.__name__) for made_of in classes for point, choose in POINTS.items())
+    for thing in (function, *classes, *chosen):
+        name = getattr(thing, "__module__", "builtins")
         if getattr(sys.modules.get(name), "__file__", None) is None and name != "builtins":
             raise UndecidableError(f"{name} has no source file")
-        _count(sys.modules[name], files)
+        _refer(thing, files)
     counted = sorted(f"{file} {digest}" for file, digest in files.items())
     return _hash(
         _environment(compiler), function.__module__, function.__qualname__, *closed, *map(str, signature), *counted
@@ -99,16 +106,27 @@ def _count(module: ModuleType, files: dict[str, str]) -> None:
         files[name] = f"{found.st_size} {found.st_mtime_ns}"
         return
     files[name] = _digest(file)
-    if "__getattr__" in vars(module) and "__path__" in vars(module):
-        files[f"{name}.*"] = _hash(*(_digest(each) for each in sorted(file.parent.rglob("*.py"))))
+    if _lazy(module):  # which names it holds depends on what was asked for
+        return
+    text = file.read_text(encoding="utf-8")
     for key, value in list(vars(module).items()):
-        referred = value if isinstance(value, ModuleType) else sys.modules.get(getattr(value, "__module__", None) or "")
-        if referred is not None and referred.__name__ != "__main__":
-            _count(referred, files)
+        members = re.findall(rf"\b{key}\.(\w+)", text) if _lazy(value) else []
+        for each in (value, *(getattr(value, member, None) for member in members)):
+            _refer(each, files)
         if name not in _MACHINERY and not key.startswith("__"):  # what is set while the process runs counts too
-            files[f"{name}.{key}"] = (
-                _value(value) or f"{getattr(referred, '__name__', '')} {getattr(value, '__qualname__', '')}"
-            )
+            files[f"{name}.{key}"] = _value(value) or f"{type(value)} {getattr(value, '__qualname__', '')}"
+
+
+def _refer(thing: Any, files: dict[str, str]) -> None:
+    """Count a module, or that of a function or class."""
+    name = thing.__name__ if isinstance(thing, ModuleType) else getattr(thing, "__module__", None)
+    if isinstance(name, str) and name in sys.modules and name != "__main__":
+        _count(sys.modules[name], files)
+
+
+def _lazy(thing: Any) -> bool:
+    """Whether a package loads its modules when they are asked for."""
+    return isinstance(thing, ModuleType) and {"__getattr__", "__path__"} <= vars(thing).keys()
 
 
 def _value(value: Any) -> str | None:
