@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from steer_env.friction import sites, unit
+from steer_env.friction import sites
 from steer_env.friction.law import advance, law_of, resolve, torque
 from steer_env.friction.level import Scales
 from steer_env.friction.numerics.check import numbers, positive
@@ -15,11 +15,7 @@ from steer_env.friction.numerics.kernel import binds, kernel
 from steer_env.friction.unit import chosen
 
 
-def _bound(p: Any) -> Any:
-    return sites.bound(p) if isinstance(p, sites.Sites) else unit.bound(p)
-
-
-@binds(0, _bound)
+@binds(0, sites.bound)
 @kernel
 def follow(p, scales, memory, x, dt, out):
     """Write the torque at each sample of a displacement into ``out``; the memory is changed.

@@ -1,20 +1,21 @@
 """A law as a unit: its functions behind addresses, by which every loop, column and plant calls every law.
 
-What is compiled for a :class:`steer_env.friction.numerics.units.Unit` is the same machine code for all laws, and a law
+What is compiled for a :class:`steer_env.friction.numerics.units.Part` is the same machine code for all laws, and a law
 is compiled once, here, by itself. The functions are those of :mod:`steer_env.friction.law` and
 :mod:`steer_env.friction.level`, to the bit; where several of them follow each other they are one call.
 """
 
+from types import SimpleNamespace
 from typing import Any
 
 from steer_env.friction import law as laws
 from steer_env.friction import level
-from steer_env.friction.law import LAWS, Law, law_of
+from steer_env.friction.law import LAWS, law_of
 from steer_env.friction.level import Scales
-from steer_env.friction.numerics import packing, units
-from steer_env.friction.numerics.kernel import COMPILED, dispatch, kernel
+from steer_env.friction.numerics import units
+from steer_env.friction.numerics.kernel import dispatch, kernel
 from steer_env.friction.numerics.simd import all_of
-from steer_env.friction.numerics.units import NONE, ONE, TWO, Code, Function, Part, Unit, array, caller, number, values
+from steer_env.friction.numerics.units import NONE, ONE, TWO, Code, Function, Part, array, caller, number, values
 
 
 @kernel
@@ -137,7 +138,7 @@ def step(p, scales, memory, S, R, h, w_guess):
 
 _BY_ADDRESS = {"held": _held_of, "chosen": _chosen_of, "step": _step_of}
 for _point in (held, chosen, step):
-    dispatch(_point, lambda kind, name: (_BY_ADDRESS if kind in (Unit, Part) else vars(level))[name])
+    dispatch(_point, lambda kind, name: (_BY_ADDRESS if kind is Part else vars(level))[name])
 
 
 def functions(p: Any) -> tuple[Function, ...]:
@@ -160,35 +161,11 @@ def code(p: Any, wide: bool = False) -> Code:
         raise ValueError(f"friction law {law.name!r}: {error}") from None
 
 
-def bound(p: Any) -> Any:
-    """A law as compiled kernels take it in this process, so that they are compiled once for all laws.
-
-    Without the compiler the law stays as it is.
-    """
-    return Unit(packing.numbers(p), code(p)) if COMPILED and not isinstance(p, Unit) else p
-
-
-_LAW = Law(
-    name="unit",
-    parameters=Unit,
-    make=Unit,
-    memory_size=lambda p: int(p.code.sizes[0]),
-    fitted=(),
-    units={},
-    steepest_fall=lambda p, torque_scale, h: 0.0,
-    relaxes=True,
-    continuous=False,
-    wide=True,
-    modes=lambda p: 0,
-    permission=lambda p: {},
-    extends="",
+_PART: Any = SimpleNamespace(  # all that kernels ask of a law
     advance=_advance_of,
     torque=_torque_of,
-    rate=None,
-    stored_energy=None,
     mean_torque=_mean_torque_of,
     solve=_solve_of,
     rest_torque=_rest_torque_of,
 )
-LAWS.know(Unit, _LAW)
-LAWS.know(Part, _LAW)
+LAWS.know(Part, _PART)

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from steer_env.friction.numerics import packing, simd
 from steer_env.friction.numerics.frozen import frozen
-from steer_env.friction.numerics.kernel import COMPILED
+from steer_env.friction.numerics.kernel import COMPILED, kernel
 
 _intrinsic: Any = extending.intrinsic  # whose first argument no caller gives
 WORD = ir.IntType(64)
@@ -217,14 +217,20 @@ cell: Any = _cell if COMPILED else lambda table, i, k: table[i, k]
 between: Any = _between if COMPILED else lambda array, table, i, k: array[table[i, k] : table[i, k + 1]]
 
 
+@kernel
+def part(unit):
+    """A unit as what calls its functions takes it."""
+    return Part(address_of(unit.code.addresses, 0), address_of(unit.numbers, 0), address_of(unit.code.sizes, 0))
+
+
 def caller(returns: Any) -> Any:
-    """What calls a function of a unit, or of a part, in kernels: ``(unit, k, (...))``, whose arrays go by address.
+    """What calls a function of a part in kernels: ``(part, k, (...))``, whose arrays go by address.
 
     ``returns`` makes the type of the result from that of a number, which is a vector where the arrays hold vectors.
     """
 
     @_intrinsic
-    def call(typing_context, unit, k, rest):
+    def call(typing_context, part, k, rest):
         number = next(kind.dtype for kind in rest if isinstance(kind, types.Array))
         taken = [types.CPointer(number) if isinstance(kind, types.Array) else number for kind in rest]
         given = [types.CPointer(number), types.CPointer(types.int64), *taken]
@@ -233,24 +239,14 @@ def caller(returns: Any) -> Any:
         def generate(context, builder, signature, arguments):
             convention = context.call_conv
 
-            def pointer(kind: Any, value: Any, element: Any) -> Any:
-                """The address of an array, or one that is given, of elements of a type."""
-                target = context.get_value_type(types.CPointer(element))
-                if not isinstance(kind, types.Array):
-                    return builder.inttoptr(value, target)
-                return builder.bitcast(context.make_array(kind)(context, builder, value).data, target)
-
-            if unit.instance_class is Part:
-                kinds, found = [types.int64] * 3, cgutils.unpack_tuple(builder, arguments[0])
-            else:
-                numbers, code = cgutils.unpack_tuple(builder, arguments[0])
-                addresses, lengths = cgutils.unpack_tuple(builder, code)
-                kinds, found = [unit[1][0], unit[0], unit[1][1]], [addresses, numbers, lengths]
-            table, numbers, lengths = map(pointer, kinds, found, [types.int64, number, types.int64])
-            packed = [numbers, lengths]
+            pointers = [context.get_value_type(types.CPointer(each)) for each in (types.int64, number, types.int64)]
+            given_part = cgutils.unpack_tuple(builder, arguments[0])
+            table, *packed = [builder.inttoptr(at, pointer) for at, pointer in zip(given_part, pointers)]
             for kind, wanted, value in zip(rest, taken, cgutils.unpack_tuple(builder, arguments[2])):
-                is_array = isinstance(kind, types.Array)
-                packed.append(pointer(kind, value, number) if is_array else context.cast(builder, value, kind, wanted))
+                if isinstance(kind, types.Array):
+                    packed.append(context.make_array(kind)(context, builder, value).data)
+                else:
+                    packed.append(context.cast(builder, value, kind, wanted))
             function = convention.get_function_type(result, given)
             returned = cgutils.alloca_once(builder, function.args[0].pointee)
             exception = cgutils.alloca_once(builder, function.args[1].pointee)
@@ -261,7 +257,7 @@ def caller(returns: Any) -> Any:
                 builder.ret(status)
             return context.get_returned_value(builder, result, builder.load(returned))
 
-        return result(unit, types.int64, rest), generate
+        return result(part, types.int64, rest), generate
 
     return call
 

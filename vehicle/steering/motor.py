@@ -24,7 +24,7 @@ from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.interpolation import bracket
 from steer_env.friction.numerics.kernel import COMPILED, dispatch, kernel
-from steer_env.friction.numerics.units import NONE, ONE, Function, Unit, array, caller, values
+from steer_env.friction.numerics.units import NONE, ONE, Function, Unit, array, caller, part, values
 from steer_env.vehicle.keys import checked
 from steer_env.vehicle.steering.assist.by_speed import table
 
@@ -194,13 +194,13 @@ def _size_of_unit(m):
 def _limited_of_unit(m, x, command, speed):
     if m.code.addresses.size == 0:
         return command
-    return _limit(m, 0, (x, command, speed))
+    return _limit(part(m), 0, (x, command, speed))
 
 
 @kernel
 def _warmed_of_unit(m, x, torque, h):
     if m.code.addresses.size > 0:
-        _warm(m, 1, (x, torque, h))
+        _warm(part(m), 1, (x, torque, h))
 
 
 def bound(m: Any) -> Any:

@@ -17,7 +17,7 @@ from steer_env.friction.numerics import units
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.interpolation import bracket
 from steer_env.friction.numerics.kernel import COMPILED, dispatch, kernel
-from steer_env.friction.numerics.units import ONE, Function, Unit, array, caller, values
+from steer_env.friction.numerics.units import ONE, Function, Unit, array, caller, part, values
 from steer_env.vehicle.steering.assist import (
     active_return,
     damping,
@@ -206,7 +206,7 @@ def _requested_of_unit(f, x, s, request):
     if f.code.addresses.size == 0:
         return request
     given = (x, s.handwheel_angle, s.handwheel_speed, s.column_speed, s.torsion_bar_torque, s.speed, request)
-    return _request(f, 0, given)
+    return _request(part(f), 0, given)
 
 
 def bound(f: Any) -> Any:
