@@ -1,0 +1,193 @@
+"""A law as a unit: equal to direct calls, bound anew in every process, and refused where its functions are wrong."""
+
+import copy
+import importlib
+import math
+import pickle
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from typing import NamedTuple
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from steer_env import friction
+from steer_env.friction import law, sites
+from steer_env.friction.numerics.kernel import COMPILED, kernel
+from steer_env.friction.response import follow
+from steer_env.registration import id_of
+from steer_env.vehicle import cars, plant
+
+TWO_SLIDERS = '''
+import math
+from typing import NamedTuple
+from steer_env.friction import register
+from steer_env.friction.numerics.kernel import kernel
+
+
+class TwoSliders(NamedTuple):
+    """A soft and a stiff spring, each with a slider of half the torque."""
+
+    k: float
+    F_c: float
+
+
+@kernel
+def _end(p, L, e, i, x):
+    y = 0.5 * L * p.F_c / (p.k * (1.0 + 3.0 * i))
+    return min(max(min(max(e, -y), y) + x, -y), y)
+
+
+@kernel
+def advance(p, L, memory, w, h):
+    for i in range(2):
+        memory[i] = _end(p, L, memory[i], i, w * h)
+
+
+@kernel
+def torque(p, L, memory, w):
+    return p.k * (_end(p, L, memory[0], 0, 0.0) + 4.0 * _end(p, L, memory[1], 1, 0.0))
+
+
+@kernel
+def mean_torque(p, L, memory, w, h):
+    T = slope = 0.0
+    for i in range(2):
+        k, start = p.k * (1.0 + 3.0 * i), _end(p, L, memory[i], i, 0.0)
+        gap, x = 0.5 * L * p.F_c / k - math.copysign(1.0, w) * start, abs(w) * h
+        moved = 0.5 * x if x < gap else gap * (1.0 - 0.5 * gap / x) if x > 0.0 else 0.0
+        T += k * (start + math.copysign(moved, w))
+        slope += 0.5 * k * h if x < gap else 0.5 * k * h * (gap / x) ** 2 if x > 0.0 else 0.0
+    return T, slope
+
+
+@kernel
+def rate(p, L, memory, w, out):
+    for i in range(2):
+        out[i] = w if abs(_end(p, L, memory[i], i, w * 1e-9) - memory[i]) > 0.0 else 0.0
+
+
+@kernel
+def stored_energy(p, memory):
+    return 0.5 * p.k * (memory[0] ** 2 + 4.0 * memory[1] ** 2)
+
+
+register("two_sliders", TwoSliders, make=lambda *, k=40.0, F_c=0.9: TwoSliders(k, F_c), memory_size=lambda p: 2,
+    advance=advance, torque=torque, rate=rate, stored_energy=stored_energy, mean_torque=mean_torque, continuous=True)
+'''
+
+
+@pytest.fixture
+def two_sliders(tmp_path, monkeypatch):
+    """A module with a law of one's own, importable in other processes too, and forgotten afterwards."""
+    (tmp_path / "two_sliders.py").write_text(TWO_SLIDERS)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    with law.LAWS.restored():
+        yield importlib.import_module("two_sliders")
+        del sys.modules["two_sliders"]
+
+
+def seen(env, steps=20):
+    """What an environment shows in some steps."""
+    return np.array([env.step(np.array([0.3 * math.sin(i)], np.float32))[0] for i in range(steps)])
+
+
+@pytest.mark.parametrize("chassis", ["single_track", pytest.param("two_track", marks=pytest.mark.whole)])
+def test_an_own_law_of_two_states_is_driven_here_and_in_another_process(two_sliders, chassis):
+    """The pickled environment goes on there to the bit, and rows of a vector are the single one."""
+    env = gym.make(id_of("AssistWeave"), friction="two_sliders", chassis=chassis)
+    env.reset(seed=1)
+    many = gym.make_vec(id_of("AssistWeave"), num_envs=3, friction="two_sliders", chassis=chassis)
+    many.reset(seed=1)
+    sent, expected = pickle.dumps(env), seen(env)
+    rows = [many.step(np.full((3, 1), 0.3 * math.sin(i), np.float32))[0][0] for i in range(20)]
+    np.testing.assert_array_equal(rows, expected)
+    with ProcessPoolExecutor(
+        1, mp_context=get_context("spawn"), initializer=sys.path.extend, initargs=(sys.path,)
+    ) as pool:
+        np.testing.assert_array_equal(pool.submit(seen_there, sent).result(), expected)
+
+
+def seen_there(sent):
+    """As :func:`seen`, of a pickled environment."""
+    return seen(pickle.loads(sent))
+
+
+@pytest.mark.parametrize("name", friction.available())
+def test_calls_by_address_are_direct_ones_to_the_bit(name):
+    """Along a displacement, with another level to each side."""
+    p, rng = friction.make(name), np.random.default_rng(3)
+    x, levels = np.cumsum(rng.normal(0.0, 2e-3, 300)), rng.uniform(0.5, 1.5, (300, 2))
+    found, expected = np.zeros(300), np.zeros(300)
+    follow(p, levels, np.zeros(law.law_of(p).memory_size(p)), x, 1e-3, found)
+    getattr(follow, "kernel", follow)(p, levels, np.zeros(law.law_of(p).memory_size(p)), x, 1e-3, expected)
+    np.testing.assert_array_equal(found, expected)
+
+
+@pytest.mark.skipif(not COMPILED, reason="nothing is called by address")
+def test_what_holds_addresses_stays_in_its_process():
+    bound = plant.bound(cars.load().plant("masing@column_eps", 20.0))
+    for act in (pickle.dumps, copy.deepcopy):
+        with pytest.raises(TypeError, match="holds addresses of this process: bind its parameters anew"):
+            act(bound)
+
+
+class Spring(NamedTuple):
+    k: float
+
+
+def spring(**given):
+    """Register a spring of which some functions are replaced."""
+    functions = {
+        "make": lambda k=1.0: Spring(k),
+        "torque": lambda p, L, memory, w: p.k * memory[0],
+        "advance": lambda p, L, memory, w, h: memory.__setitem__(0, memory[0] + w * h),
+        "rate": lambda p, L, memory, w, out: out.__setitem__(0, w),
+        "stored_energy": lambda p, memory: 0.5 * p.k * memory[0] ** 2,
+        "mean_torque": lambda p, L, memory, w, h: (p.k * (memory[0] + 0.5 * w * h), 0.5 * p.k * h),
+    }
+    law.register("spring", Spring, memory_size=lambda p: 1, **functions | given)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"torque": lambda p, memory, w: 0.0}, r"torque\(p, torque_scale, memory, w\) raises .*positional arguments"),
+        ({"torque": lambda p, L, memory, w: 1 / w}, "raises at w = 0: ZeroDivisionError"),
+        ({"torque": lambda p, L, memory, w: math.nan if w < 0.0 else 0.0}, "is not finite at w = -0.01: nan"),
+        ({"advance": lambda p, L, memory, w, h: memory.__setitem__(1, w)}, r"advance\(.* raises .*IndexError"),
+        ({"rate": lambda p, L, memory, w, out: out.base.__setitem__((1, 0), w)}, "beyond the 1 floats of memory_size"),
+        ({"mean_torque": lambda p, L, memory, w, h: 0.0}, r"mean_torque\(.* must return 2 numbers, got 0.0"),
+        ({"make": lambda k: Spring(k)}, "make takes keywords, all with defaults"),
+    ],
+)
+def test_a_law_of_wrong_functions_is_refused_by_name_and_reason(given, message):
+    with law.LAWS.restored(), pytest.raises(ValueError, match=f"^friction law 'spring': .*{message}"):
+        spring(**given)
+    assert "spring" not in friction.available()
+
+
+@kernel
+def _fails(p, torque_scale, memory, w):
+    if abs(w) > 5.0:
+        raise ValueError("too fast for this law")
+    return p.k * w
+
+
+@kernel
+def _fails_in_the_mean(p, torque_scale, memory, w, h):
+    return _fails(p, torque_scale, memory, w), p.k
+
+
+def test_a_law_that_raises_is_told():
+    """Not as a torque of zero: the exception of the function behind the address reaches the caller."""
+    with law.LAWS.restored():
+        law.register("fails", Spring, make=lambda *, k=0.1: Spring(k), torque=_fails, mean_torque=_fails_in_the_mean)
+        p = cars.load().plant({"rack": "fails"}, 20.0)
+        inputs = np.zeros((500, len(plant.INPUTS)))
+        inputs[:, plant.HAND] = 20.0
+        with pytest.raises(ValueError, match="too fast for this law"):
+            plant.run(p, plant.initial_state(p), inputs, np.zeros((1, len(plant.channels(p)))), 1)
+        assert sites.bound(p.friction).numbers.size > 0
