@@ -38,7 +38,7 @@ from steer_env.friction import law
 from steer_env.friction.law import advance, rest_torque, torque
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.check import not_negative, number, numbers
-from steer_env.friction.numerics.kernel import kernel, plain
+from steer_env.friction.numerics.kernel import kernel, plainly
 from steer_env.friction.numerics.simd import all_of, any_of, where
 
 
@@ -122,12 +122,13 @@ def scales(level, base, load, x):
 
 def largest(level: Level, base: float, load: float) -> float:
     """The largest scale at a load, over all positions and both directions of motion [1]."""
-    return max(plain(scales)(level._replace(position=abs(level.position)), base, load, level.peak))  # (F11)
+    return max(plainly(scales)(level._replace(position=abs(level.position)), base, load, level.peak))  # (F11)
 
 
 def by_sample(level: Level, load: ArrayLike, x: ArrayLike, base: float = 1.0) -> NDArray[np.float64]:
     """Scales (T, 2) of positive and negative motion at the loads and positions (T,) of a record, in its units."""
-    return np.array([plain(scales)(level, base, *each) for each in zip(numbers("load", load), numbers("x", x))])
+    both = plainly(scales)
+    return np.array([both(level, base, *each) for each in zip(numbers("load", load), numbers("x", x))])
 
 
 @kernel

@@ -8,11 +8,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from steer_env.friction import sites
 from steer_env.friction.law import advance, law_of, resolve, torque
-from steer_env.friction.level import Scales
+from steer_env.friction.level import Scales, chosen
 from steer_env.friction.numerics.check import numbers, positive
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.kernel import binds, kernel
-from steer_env.friction.unit import chosen
 
 
 @binds(0, sites.bound)

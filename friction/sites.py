@@ -41,7 +41,7 @@ from steer_env.friction.law import (
     stored_energy,
     torque,
 )
-from steer_env.friction.level import Level, Scales, largest, own_scale
+from steer_env.friction.level import Level, Scales, chosen, largest, own_scale
 from steer_env.friction.level import make as make_level
 from steer_env.friction.level import scales as level_scales
 from steer_env.friction.numerics import packing, scratch, units
@@ -50,7 +50,7 @@ from steer_env.friction.numerics.kernel import COMPILED, dispatch, kernel
 from steer_env.friction.numerics.packing import of_row
 from steer_env.friction.numerics.simd import all_of, any_of, maximum, negated, where
 from steer_env.friction.numerics.units import Part, address_of, between, cell
-from steer_env.friction.unit import chosen, held, step
+from steer_env.friction.unit import held, step
 
 NOTHING = {"law": "viscous", "sigma_2": 0.0}
 ABOVE, BELOW = "upper_column", ("lower_column", "gear", "rack", "motor")

@@ -14,7 +14,6 @@ from steer_env.friction.law import LAWS, law_of
 from steer_env.friction.level import Scales
 from steer_env.friction.numerics import units
 from steer_env.friction.numerics.kernel import dispatch, kernel
-from steer_env.friction.numerics.simd import all_of
 from steer_env.friction.numerics.units import NONE, ONE, TWO, Code, Function, Part, array, caller, number, values
 
 
@@ -40,11 +39,6 @@ def _held(numbers, sizes, positive, negative, memory, h):
 
 
 @kernel
-def _chosen(numbers, sizes, positive, negative, memory, R, h):
-    return level.chosen(values(numbers, sizes), Scales(positive, negative), array(memory, sizes), R, h)
-
-
-@kernel
 def _step(numbers, sizes, positive, negative, memory, S, R, h, w_guess):
     both = Scales(positive, negative)
     w, T = level.step(values(numbers, sizes), both, array(memory, sizes), S, R, h, w_guess)
@@ -67,12 +61,11 @@ FUNCTIONS = (  # in the order of their addresses
     Function(_advance, "npnn", NONE),
     Function(_rest_torque, "npn", ONE),
     Function(_held, "nnpn", TWO),
-    Function(_chosen, "nnpnn", ONE),
     Function(_step, "nnpnnnn", TWO),
     Function(_solve, "npnnnn", ONE),
     Function(_mean_torque, "npnn", TWO),  # last, as a law may be without it
 )
-TORQUE, ADVANCE, REST_TORQUE, HELD, CHOSEN, STEP, SOLVE, MEAN_TORQUE = range(len(FUNCTIONS))
+TORQUE, ADVANCE, REST_TORQUE, HELD, STEP, SOLVE, MEAN_TORQUE = range(len(FUNCTIONS))
 _one, _two, _none = caller(ONE), caller(TWO), caller(NONE)
 
 
@@ -94,13 +87,6 @@ def _rest_torque_of(p, torque_scale, memory, h):
 @kernel
 def _held_of(p, scales, memory, h):
     return _two(p, HELD, (scales.positive, scales.negative, memory, h))
-
-
-@kernel
-def _chosen_of(p, scales, memory, R, h):
-    if all_of(scales.positive == scales.negative):
-        return scales.positive
-    return _one(p, CHOSEN, (scales.positive, scales.negative, memory, R, h))
 
 
 @kernel
@@ -126,18 +112,13 @@ def held(p, scales, memory, h):
     return level.held(p, scales, memory, h)
 
 
-def chosen(p, scales, memory, R, h):
-    """:func:`steer_env.friction.level.chosen`."""
-    return level.chosen(p, scales, memory, R, h)
-
-
 def step(p, scales, memory, S, R, h, w_guess):
     """:func:`steer_env.friction.level.step`."""
     return level.step(p, scales, memory, S, R, h, w_guess)
 
 
-_BY_ADDRESS = {"held": _held_of, "chosen": _chosen_of, "step": _step_of}
-for _point in (held, chosen, step):
+_BY_ADDRESS = {"held": _held_of, "step": _step_of}
+for _point in (held, step):
     dispatch(_point, lambda kind, name: (_BY_ADDRESS if kind is Part else vars(level))[name])
 
 

@@ -13,6 +13,7 @@ import warnings
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
+from steer_env.friction.numerics.kernel import plainly
 from steer_env.vehicle import chassis as chassis_models
 from steer_env.vehicle import tyre
 from steer_env.vehicle.cars.keys import OF_KINDS
@@ -72,7 +73,7 @@ def _stiffness_over_load(axle: str) -> Callable[["Car"], float]:
     def ratio(car: "Car") -> float:
         load = 0.5 * GRAVITY * _axle_mass(car, axle)[0]
         factor = car.chassis[f"{axle}_cornering_stiffness_factor"]
-        return factor * abs(float(tyre.cornering_stiffness(car.tyre.coefficients, load))) / load
+        return factor * abs(float(plainly(tyre.cornering_stiffness)(car.tyre.coefficients, load))) / load
 
     return ratio
 

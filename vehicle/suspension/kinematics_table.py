@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from steer_env.friction.numerics import packing
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.frozen import frozen
-from steer_env.friction.numerics.kernel import kernel, plain
+from steer_env.friction.numerics.kernel import kernel, plain, plainly
 from steer_env.friction.numerics.simd import floor, load, minimum, place, spread, unpack_cars, where
 from steer_env.vehicle.suspension.macpherson import MacPherson, load_coefficients
 
@@ -135,7 +135,7 @@ def _basis(cells: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     sites = np.sort(np.append(np.arange(cells + 1.0), [0.5, cells - 0.5]))
     basis = np.zeros((cells + 3, cells + 3))
     for row, site in zip(basis, sites):
-        cell, part = plain(_cell)(site, cells)
+        cell, part = plainly(_cell)(site, cells)
         row[cell : cell + 4] = plain(_weights)(part)
     return sites, basis
 
