@@ -1,8 +1,9 @@
 """What a friction law is, the registry of laws, and the step equation that all of them share.
 
-A law is an immutable ``NamedTuple`` of parameters and a few scalar kernels. Inside compiled code the class of the
-parameters selects the kernels, at compile time; in plain Python the functions below look the class up. The torque of a
-law *resists* positive velocity [N m].
+A law is an immutable ``NamedTuple`` of parameters and a few scalar kernels. The functions below take those of the class
+of the parameters: in plain Python they look it up, in compiled code it selects them at compile time. What is compiled
+once for all laws, as the plant is, calls them by address (:mod:`steer_env.friction.unit`). The torque of a law
+*resists* positive velocity [N m].
 
 Every kernel takes ``(p, torque_scale, memory, ...)``: the parameters; a factor on the saturated friction, L in
 equations (1 leaves the parameters as they are; friction that depends on load, wear or temperature changes it) [1];

@@ -112,6 +112,14 @@ class Below(NamedTuple):
     friction: Bound
 
 
+class Rest(NamedTuple):
+    """The sites below the bar in a step at rest."""
+
+    scales: Any  # (n,) array: of each that with which its memory is loaded [1]
+    torques: Any  # (n,) array: of each its mean torque [N m]
+    sum: float  # of these [N m]
+
+
 class Equations(NamedTuple):
     """The two step equations (F43)."""
 
@@ -168,9 +176,9 @@ def joint(p, scales, memory, equations, w1, w2, led):
         R2 += K * w1 if led else K / a * R1  # (C5)
         w2, T = step(law_at(p, 0), Scales(scales[0], scales[1]), memory, S, R2, h, w2)
         return w1 if led else (R1 + K * w2) / a, w2, 0.0 * a, T  # (C7)
-    holds, rests = scratch.like(memory, MOST), scratch.like(memory, MOST)
+    holds, torques = scratch.like(memory, MOST), scratch.like(memory, MOST)
     L, taken = scratch.like(memory, MOST), scratch.like(memory, MOST)
-    rest = _held_below(p, scales, memory, h, holds, rests)
+    rest = Rest(holds, torques, _held_below(p, scales, memory, h, holds, torques))
     for i in range(p.at.above, p.at.places.shape[0]):
         L[i] = holds[i]
     scale, expected, going = 0.0, w1, True
@@ -197,7 +205,7 @@ def joint(p, scales, memory, equations, w1, w2, led):
                 whole += mean_torque(law_at(p, 0), scale, between(memory, p.at.places, 0, 2), w1, h)[1]
             slope = where((w1 != 0.0) & (i < WITH_SLOPE), K / whole, 0.0)
         R = R2 + K * (w1 - slope * w2)
-        w = _solved_below(p, scales, holds, rests, rest, memory, S - K * slope, R, h, w2, taken)
+        w = _solved_below(p, scales, rest, memory, S - K * slope, R, h, w2, taken)
         expected = w1 + slope * (w - w2)
         for j in range(p.at.above, p.at.places.shape[0]):
             L[j] = where(going, taken[j], L[j])
@@ -218,31 +226,30 @@ def joint(p, scales, memory, equations, w1, w2, led):
 
 
 @kernel
-def _held_below(p, scales, memory, h, holds, rests):
-    """Sum of the torques at rest below the bar, each in ``rests``, at the scales with which the memories are loaded."""
+def _held_below(p, scales, memory, h, holds, torques):
+    """The sum of a :class:`Rest`, of which ``holds`` and ``torques`` are filled; memories are cut back."""
     rest = 0.0
     for i in range(p.at.above, p.at.places.shape[0]):
         own, both = between(memory, p.at.places, i, 2), Scales(scales[2 * i], scales[2 * i + 1])
-        scale, rests[i] = held(law_at(p, i), both, own, h)
-        holds[i] = scale
-        rest += rests[i]
+        holds[i], torques[i] = held(law_at(p, i), both, own, h)
+        rest += torques[i]
     return rest
 
 
 @kernel
-def _solved_below(p, scales, holds, rests, rest, memory, S, R, h, guess, L):
+def _solved_below(p, scales, rest, memory, S, R, h, guess, L):
     """The speed with ``S w`` + the torques below the bar = ``R``; ``L`` receives the scales with which it is so."""
-    still = R == rest
+    still = R == rest.sum
     for i in range(p.at.above, p.at.places.shape[0]):
-        L[i] = holds[i]
+        L[i] = rest.scales[i]
     if all_of(still):
-        return R - rest
-    side = where(R > rest, 1.0, -1.0)
+        return R - rest.sum
+    side = where(R > rest.sum, 1.0, -1.0)
     for i in range(p.at.above, p.at.places.shape[0]):
         law, own, both = law_at(p, i), between(memory, p.at.places, i, 2), Scales(scales[2 * i], scales[2 * i + 1])
         if not all_of(both.positive == both.negative):  # else the one that holds it
-            L[i] = where(still, holds[i], own_scale(law, both, holds[i], rests[i], own, side, h))
-    return where(still, 0.0, _moved(Below(p), L, memory, S, R, h, guess, side, rest))
+            L[i] = where(still, L[i], own_scale(law, both, L[i], rest.torques[i], own, side, h))
+    return where(still, 0.0, _moved(Below(p), L, memory, S, R, h, guess, side, rest.sum))
 
 
 @kernel
@@ -423,6 +430,11 @@ def _stacked(rows: list[NDArray[np.int64]]) -> NDArray[np.int64]:
     for i, row in enumerate(rows):
         found[i, : len(row)] = row
     return found
+
+
+def active(p: Any) -> int:
+    """At how many sites there is friction at all, which a :class:`Bound` counts."""
+    return sum(not _idle(site.law) for site in p) if isinstance(p, Sites) else 1
 
 
 def _idle(law: Any) -> bool:

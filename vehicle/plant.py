@@ -102,8 +102,8 @@ class Rolling(NamedTuple):
     chassis: Any
     strut: Any
     tyre: Any
-    pinion_radius: float
-    rack_limit: float
+    pinion_radius: float  # rack travel per column angle [m/rad]
+    rack_limit: float  # rack travel at the end stops [m]
 
 
 def linked(p: Plant) -> Plant:

@@ -34,7 +34,7 @@ if hasattr(os, "register_at_fork"):  # a child must not inherit a lock that anot
     os.register_at_fork(before=_lock.acquire, after_in_parent=_lock.release, after_in_child=_lock.release)
 
 FOLDER = "steer-env-kernels"  # in the user's cache folder, or in NUMBA_CACHE_DIR
-NEWEST = 64  # folders of one kernel that are kept, by their last use: the whole suite needs some twenty of the plant's
+NEWEST = 64  # folders of one kernel that are kept, by their last use: the whole suite needs fewer
 UNUSED = 60 * 24 * 3600.0  # time after which a folder is deleted all the same [s]
 WAIT = 300.0  # for another process that compiles the same kernel [s]
 PATIENCE = 1.0  # compile time after which a line says what is going on [s]
@@ -196,7 +196,7 @@ def _announced(kernel: Any, folder: Path | None) -> Iterator[None]:
     def tell() -> None:
         if compiled():
             once = "once, as it is kept" if folder else "in every process, as it cannot be kept"
-            say("compiling", f"compiling machine code for this friction law, car and task, which takes a while; {once}")
+            say("compiling", f"compiling machine code for this chassis and task, which takes a while; {once}")
 
     timer = threading.Timer(max(PATIENCE - _spent, 0.1), tell)
     timer.daemon = True

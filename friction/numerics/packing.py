@@ -168,12 +168,14 @@ def of_row(template, rows, i):
 
 
 def _filled(value: Any, rest: Iterator[Leaf], row: Array) -> Any:
+    if isinstance(value, tuple) and type(value) in _shared:
+        for _ in _walk((), value, None, True):
+            next(rest)
+        return value
     if isinstance(value, tuple):
         return type(value)(*[_filled(member, rest, row) for member in value])
     leaf = next(rest)
     numbers = row[leaf.start : leaf.start + leaf.size]
-    if leaf.table:
-        return value
     if np.ndim(value):
         return numbers.view(value.dtype).reshape(value.shape).view(type(value))
     return float(numbers[0]) if value is None else type(value)(numbers[0])

@@ -120,7 +120,7 @@ def _count(module: ModuleType, files: dict[str, str]) -> None:
 def _refer(thing: Any, files: dict[str, str]) -> None:
     """Count a module, or that of a function or class."""
     name = thing.__name__ if isinstance(thing, ModuleType) else getattr(thing, "__module__", None)
-    if isinstance(name, str) and name in sys.modules and name != "__main__":
+    if isinstance(name, str) and name in sys.modules:
         _count(sys.modules[name], files)
 
 

@@ -21,6 +21,7 @@ from steer_env.engine.kernels import advance, advance_fours, evaluate
 from steer_env.engine.sensor_noise import SensorNoise
 from steer_env.episode.randomise import LIMITS, RANGES, SENSOR_NOISE, Conditions, Randomise, with_level
 from steer_env.episode.timing import SAMPLES_PER_UPDATE
+from steer_env.friction import sites
 from steer_env.friction.numerics.check import number, whole
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.kernel import bind
@@ -168,7 +169,9 @@ class EnvironmentBatch:
         """Look up the compiled kernels for the types of the arrays."""
         a, at = self.arrays, self._layout
         fours = self.n >= 4 and plant.side_by_side(self._template)
-        self._outline = outline(plant.bound(self._template, wide=fours))
+        drawn = (self._template.friction, *(corner.friction for corner in self._randomise.corners))
+        most = max(drawn, key=sites.active)  # a site may be without friction where nothing is drawn
+        self._outline = outline(plant.bound(self._template._replace(friction=most), wide=fours))
         self._advance = bind(advance_fours if fours else advance, a, at, self._outline, True, True, 0, self.n)
         begin = plant.begin_fours if fours else plant.begin_rows
         self._begin = bind(begin, self._outline, a.plants, a.states, np.zeros(self.n, int), 0, self.n)

@@ -195,6 +195,9 @@ def check_mean_torque(p: Any) -> None:
     @example([(1.0, 1.0)], 0.0, 0.1, 10**0.03125)  # a slider that is at its limit but for rounding
     def holds(history, w, h, torque_scale):
         memory = after(p, history, torque_scale)
+        if law.law_of(p).continuous:
+            rest = law.rest_torque(p, torque_scale, memory, h)
+            assert all(law.mean_torque(p, torque_scale, memory, zero, h)[0] == rest for zero in (0.0, -0.0))
         mean, slope = law.mean_torque(p, torque_scale, memory, w, h)
         if w == 0.0 and set_valued:
             expected = law.torque(p, torque_scale, memory, math.copysign(1e-300, w))  # where motion begins

@@ -80,6 +80,20 @@ def test_the_gain_of_the_motor_follows_the_efficiency_of_a_sliding_gear(side, fa
     assert abs(found / factor - 1.0) < 0.01
 
 
+def test_a_site_that_only_draws_have_friction_at_takes_part():
+    """A damper of zero where nothing is drawn, and one of another value, both drawn to 5 N m s/rad."""
+    shown = []
+    for usual in (0.0, 1.0):
+        env = gym.make(
+            id_of("AssistWeave"),
+            friction={"rack": "lugre", "gear": {"law": "viscous", "sigma_2": usual}},
+            randomise={"friction": {"gear.sigma_2": (5.0, 5.0 + 1e-9)}},
+        )
+        env.reset(seed=2)
+        shown.append(np.array([env.step(np.zeros(1, np.float32))[0] for _ in range(30)]))
+    np.testing.assert_array_equal(*shown)
+
+
 WEAVE, ROWS = id_of("AssistWeave"), 5
 # Two sites in every run; in the whole suite every law at one of five sites, which run together.
 LAWS = [law for law in friction.available() if law != "viscous"]

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from steer_env.experiments.studies.friction_laws import set_valued
+from steer_env.friction import sites
 from steer_env.friction.law import advance, law_of, rate, torque
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle.steering import column
@@ -153,7 +154,8 @@ def arguments(case: Case, scheme: str, h: float) -> tuple[Any, ...]:
     t = h * np.arange(round(case.duration / h) + 1)
     T1 = case.amplitude * SCHEMES[scheme].hand(t, 2.0 * math.pi * case.frequency)
     size = law_of(case.friction).memory_size(case.friction)
-    return case.c, case.friction, np.zeros(4), np.zeros(size), np.zeros(max(size, 1)), T1, case.K_road, h
+    p = sites.bound(case.friction) if scheme == "midpoint" else case.friction  # the others call the law directly
+    return case.c, p, np.zeros(4), np.zeros(size), np.zeros(max(size, 1)), T1, case.K_road, h
 
 
 def integrate(case: Case, scheme: str, h: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

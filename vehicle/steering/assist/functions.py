@@ -1,8 +1,8 @@
 """The functions of the assist together: active return, damping of the handwheel, friction and inertia compensation,
 lead-lag. Each adds a torque to the request that the controller passes on within the motor's limit (E1).
 
-A car without any of them has :class:`NoFunctions`. The class selects the kernels, as for friction laws, so that such a
-car needs neither state nor time for them.
+A car without any of them has :class:`NoFunctions`, and needs neither state nor time for them. A plant calls them by
+address (:func:`bound`).
 """
 
 from collections.abc import Callable, Iterator, Mapping
