@@ -76,6 +76,7 @@ DOORS = {
     "Sit at the wheel": ("docs/driving.md", "docs/devices.md"),
     "Reference": (
         "docs/model.md",
+        "docs/step.md",
         "docs/metrics.md",
         "manoeuvres/index.md",
         "commands/index.md",
