@@ -398,30 +398,28 @@ _tables: dict[Any, Any] = {}  # of this process
 
 
 def _table(p: Any, idle: tuple[bool, ...], wide: bool, linked: bool) -> Any:
+    """The table of a :class:`Bound`; ``idle`` says of each site whether it is left out."""
+    found: list[tuple[Any, int, int, int, int]] = []
+    above = first = 0
     if not isinstance(p, Sites):
-        end = law_of(p).memory_size(p)
-        found, above, alone = [(p, 0, -1, 0, end)], 0, 1
-    else:
-        found, first, above, alone = [], 0, 0, 0
-        for name, site, without in zip(p._fields, p, idle):
-            own = first + packing.numbers(site.law).size
-            if not without:
-                found.append((site.law, first, own, site.start, site.end))
-                above += name == ABOVE
-            first = own + _PER_SITE
+        found.append((p, 0, -1, 0, law_of(p).memory_size(p)))
+    for name, site, without in zip(Sites._fields, p, idle):
+        own = first + packing.numbers(site.law).size
+        if not without:
+            found.append((site.law, first, own, site.start, site.end))
+            above += name == ABOVE
+        first = own + _PER_SITE
+    laws_there = [law for law, *_ in found]
     places = np.array([place for _, *place in found], np.int64).reshape(-1, 4)
-    sizes, addresses = np.zeros((len(found), 1), np.int64), tuple(law for law, *_ in found)
-    continuous = all(law_of(law).continuous for law in addresses[above:])
-    if COMPILED:
-        codes = [unit.code(law, wide) for law in addresses]
-        sizes = _stacked([code.sizes for code in codes])
-        addresses = (
-            tuple(tuple((function, law) for function in unit.functions(law)) for law in addresses)
-            if linked
-            else _stacked([code.addresses for code in codes])
-        )
-    at: Any = Table(addresses, sizes, places, above, int(continuous), alone)
-    return units.Linked.of(at) if linked and COMPILED else at
+    continuous, alone = all(law_of(law).continuous for law in laws_there[above:]), not isinstance(p, Sites)
+    if not COMPILED:
+        return Table(tuple(laws_there), places, places, above, int(continuous), int(alone))
+    codes = [unit.code(law, wide) for law in laws_there]
+    sizes, addresses = (_stacked([getattr(code, name) for code in codes]) for name in ("sizes", "addresses"))
+    if not linked:
+        return Table(addresses, sizes, places, above, int(continuous), int(alone))
+    functions = tuple(tuple((function, law) for function in unit.functions(law)) for law in laws_there)
+    return units.Linked.of(Table(functions, sizes, places, above, int(continuous), int(alone)))
 
 
 def _stacked(rows: list[NDArray[np.int64]]) -> NDArray[np.int64]:

@@ -155,7 +155,8 @@ def number(typing_context, x, like):
 def _array(context: Any, builder: Any, kind: Any, data: Any, shape: Sequence[Any]) -> tuple[Any, Any]:
     """A contiguous array at an address, and how many elements it has."""
     itemsize = context.get_abi_sizeof(context.get_data_type(kind.dtype))
-    strides, size = [], WORD(1)
+    strides: list[Any] = []
+    size: Any = WORD(1)
     for length in reversed(shape):
         strides.insert(0, builder.mul(size, WORD(itemsize)))
         size = builder.mul(size, length)
