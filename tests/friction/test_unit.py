@@ -20,74 +20,6 @@ from steer_env.friction.response import follow
 from steer_env.registration import id_of
 from steer_env.vehicle import cars, plant
 
-TWO_SLIDERS = '''
-import math
-from typing import NamedTuple
-from steer_env.friction import register
-from steer_env.friction.numerics.kernel import kernel
-
-
-class TwoSliders(NamedTuple):
-    """A soft and a stiff spring, each with a slider of half the torque."""
-
-    k: float
-    F_c: float
-
-
-@kernel
-def _end(p, L, e, i, x):
-    y = 0.5 * L * p.F_c / (p.k * (1.0 + 3.0 * i))
-    return min(max(min(max(e, -y), y) + x, -y), y)
-
-
-@kernel
-def advance(p, L, memory, w, h):
-    for i in range(2):
-        memory[i] = _end(p, L, memory[i], i, w * h)
-
-
-@kernel
-def torque(p, L, memory, w):
-    return p.k * (_end(p, L, memory[0], 0, 0.0) + 4.0 * _end(p, L, memory[1], 1, 0.0))
-
-
-@kernel
-def mean_torque(p, L, memory, w, h):
-    T = slope = 0.0
-    for i in range(2):
-        k, start = p.k * (1.0 + 3.0 * i), _end(p, L, memory[i], i, 0.0)
-        gap, x = 0.5 * L * p.F_c / k - math.copysign(1.0, w) * start, abs(w) * h
-        moved = 0.5 * x if x < gap else gap * (1.0 - 0.5 * gap / x) if x > 0.0 else 0.0
-        T += k * (start + math.copysign(moved, w))
-        slope += 0.5 * k * h if x < gap else 0.5 * k * h * (gap / x) ** 2 if x > 0.0 else 0.0
-    return T, slope
-
-
-@kernel
-def rate(p, L, memory, w, out):
-    for i in range(2):
-        out[i] = w if abs(_end(p, L, memory[i], i, w * 1e-9) - memory[i]) > 0.0 else 0.0
-
-
-@kernel
-def stored_energy(p, memory):
-    return 0.5 * p.k * (memory[0] ** 2 + 4.0 * memory[1] ** 2)
-
-
-register("two_sliders", TwoSliders, make=lambda *, k=40.0, F_c=0.9: TwoSliders(k, F_c), memory_size=lambda p: 2,
-    advance=advance, torque=torque, rate=rate, stored_energy=stored_energy, mean_torque=mean_torque, continuous=True)
-'''
-
-
-@pytest.fixture
-def two_sliders(tmp_path, monkeypatch):
-    """A module with a law of one's own, importable in other processes too, and forgotten afterwards."""
-    (tmp_path / "two_sliders.py").write_text(TWO_SLIDERS)
-    monkeypatch.syspath_prepend(str(tmp_path))
-    with law.LAWS.restored():
-        yield importlib.import_module("two_sliders")
-        del sys.modules["two_sliders"]
-
 
 def seen(env, steps=20):
     """What an environment shows in some steps."""
@@ -95,23 +27,29 @@ def seen(env, steps=20):
 
 
 @pytest.mark.parametrize("chassis", ["single_track", pytest.param("two_track", marks=pytest.mark.whole)])
-def test_an_own_law_of_two_states_is_driven_here_and_in_another_process(two_sliders, chassis):
+def test_an_own_law_of_two_states_is_driven_here_and_in_another_process(chassis):
     """The pickled environment goes on there to the bit, and rows of a vector are the single one."""
-    env = gym.make(id_of("AssistWeave"), friction="two_sliders", chassis=chassis)
+    with law.LAWS.restored():
+        importlib.import_module("tests.friction.toy_equations")
+        driven(chassis)
+        del sys.modules["tests.friction.toy_equations"]
+
+
+def driven(chassis):
+    env = gym.make(id_of("AssistWeave"), friction="toy_jenkins_dahl", chassis=chassis)
     env.reset(seed=1)
-    many = gym.make_vec(id_of("AssistWeave"), num_envs=3, friction="two_sliders", chassis=chassis)
+    many = gym.make_vec(id_of("AssistWeave"), num_envs=3, friction="toy_jenkins_dahl", chassis=chassis)
     many.reset(seed=1)
     sent, expected = pickle.dumps(env), seen(env)
     rows = [many.step(np.full((3, 1), 0.3 * math.sin(i), np.float32))[0][0] for i in range(20)]
     np.testing.assert_array_equal(rows, expected)
-    with ProcessPoolExecutor(
-        1, mp_context=get_context("spawn"), initializer=sys.path.extend, initargs=(sys.path,)
-    ) as pool:
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
         np.testing.assert_array_equal(pool.submit(seen_there, sent).result(), expected)
 
 
 def seen_there(sent):
     """As :func:`seen`, of a pickled environment."""
+    importlib.import_module("tests.friction.toy_equations")
     return seen(pickle.loads(sent))
 
 
