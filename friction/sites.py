@@ -371,9 +371,10 @@ def _torque_all(p, L, memory, w):
     return T
 
 
+@kernel
 def _rate_all(p, L, memory, w, out):
-    for site in p:
-        rate(site.law, L, memory[site.start : site.end], w, out[site.start : site.end])
+    for i in range(p.at.places.shape[0]):
+        rate(law_at(p, i), L, between(memory, p.at.places, i, 2), w, between(out, p.at.places, i, 2))
 
 
 def _stored_in_all(p, memory):
@@ -418,7 +419,7 @@ def _table(p: Any, idle: tuple[bool, ...], wide: bool, linked: bool) -> Any:
     sizes, addresses = (_stacked([getattr(code, name) for code in codes]) for name in ("sizes", "addresses"))
     if not linked:
         return Table(addresses, sizes, places, above, int(continuous), int(alone))
-    functions = tuple(tuple((function, law) for function in unit.functions(law)) for law in laws_there)
+    functions = tuple(tuple(function and (function, law) for function in unit.functions(law)) for law in laws_there)
     return units.Linked.of(Table(functions, sizes, places, above, int(continuous), int(alone)))
 
 
@@ -551,6 +552,7 @@ def _unbound(kernel: Any, p: Any, *arguments: Any) -> Any:
 _OF_ALL = {
     "advance": _advance_all,
     "torque": _torque_all,
+    "rate": _rate_all,
     "mean_torque": _mean_all,
     "solve": _solve_all,
     "rest_torque": _rest_all,
@@ -569,7 +571,6 @@ _TOGETHER = Law(
     modes=lambda p: 0,
     permission=lambda p: {},
     extends="",
-    rate=_rate_all,
     stored_energy=_stored_in_all,
     **{name: functools.partial(_unbound, kernel) for name, kernel in _OF_ALL.items()},
 )

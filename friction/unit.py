@@ -56,6 +56,11 @@ def _mean_torque(numbers, sizes, torque_scale, memory, w, h):
     return number(T, w), number(slope, w)
 
 
+@kernel
+def _rate(numbers, sizes, torque_scale, memory, w, out):
+    laws.rate(values(numbers, sizes), torque_scale, array(memory, sizes), w, array(out, sizes))
+
+
 FUNCTIONS = (  # in the order of their addresses
     Function(_torque, "npn", ONE),
     Function(_advance, "npnn", NONE),
@@ -63,9 +68,10 @@ FUNCTIONS = (  # in the order of their addresses
     Function(_held, "nnpn", TWO),
     Function(_step, "nnpnnnn", TWO),
     Function(_solve, "npnnnn", ONE),
-    Function(_mean_torque, "npnn", TWO),  # last, as a law may be without it
+    Function(_mean_torque, "npnn", TWO),
+    Function(_rate, "npnp", NONE),
 )
-TORQUE, ADVANCE, REST_TORQUE, HELD, STEP, SOLVE, MEAN_TORQUE = range(len(FUNCTIONS))
+TORQUE, ADVANCE, REST_TORQUE, HELD, STEP, SOLVE, MEAN_TORQUE, RATE = range(len(FUNCTIONS))
 _one, _two, _none = caller(ONE), caller(TWO), caller(NONE)
 
 
@@ -104,6 +110,11 @@ def _mean_torque_of(p, torque_scale, memory, w, h):
     return _two(p, MEAN_TORQUE, (torque_scale, memory, w, h))
 
 
+@kernel
+def _rate_of(p, torque_scale, memory, w, out):
+    _none(p, RATE, (torque_scale, memory, w, out))
+
+
 # Dispatch points, as those of steer_env.friction.law, for a law of any form.
 
 
@@ -122,9 +133,10 @@ for _point in (held, step):
     dispatch(_point, lambda kind, name: (_BY_ADDRESS if kind is Part else vars(level))[name])
 
 
-def functions(p: Any) -> tuple[Function, ...]:
-    """The functions of a law."""
-    return FUNCTIONS if law_of(p).mean_torque else FUNCTIONS[:MEAN_TORQUE]
+def functions(p: Any, wide: bool = False) -> tuple[Function | None, ...]:
+    """The functions of a law; None for one that it does not have, or that no kernel of four cars side by side calls."""
+    left_out = [*([] if law_of(p).mean_torque else [MEAN_TORQUE]), *([RATE] if wide else [])]
+    return tuple(None if k in left_out else function for k, function in enumerate(FUNCTIONS))
 
 
 def code(p: Any, wide: bool = False) -> Code:
@@ -137,7 +149,7 @@ def code(p: Any, wide: bool = False) -> Code:
     """
     law = law_of(p)
     try:
-        return units.code(p, functions(p), law.memory_size(p), wide)
+        return units.code(p, functions(p, wide), law.memory_size(p), wide)
     except TypeError as error:
         raise ValueError(f"friction law {law.name!r}: {error}") from None
 
@@ -145,6 +157,7 @@ def code(p: Any, wide: bool = False) -> Code:
 _PART: Any = SimpleNamespace(  # all that kernels ask of a law
     advance=_advance_of,
     torque=_torque_of,
+    rate=_rate_of,
     mean_torque=_mean_torque_of,
     solve=_solve_of,
     rest_torque=_rest_torque_of,

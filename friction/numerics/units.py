@@ -338,7 +338,7 @@ class LinkedType(types.Type):
         self.given = linked.given
         of_each = [types.int64 if isinstance(each, int) else types.Array(types.int64, 2, "C") for each in self.given]
         self.made = types.NamedTuple(of_each, type(self.given))
-        cells = [cell for each in self.given if isinstance(each, tuple) for row in each for cell in row]
+        cells = [cell for each in self.given if isinstance(each, tuple) for row in each for cell in row if cell]
         self.parts = [kind for function, parameters in cells for kind in function.types(parameters, False)]
         super().__init__(f"Linked({[_described(each) for each in self.given]})")
 
@@ -361,7 +361,7 @@ class LinkedType(types.Type):
                     context.active_code_library.add_linking_library(made.library)
                     number = builder.ptrtoint(context.declare_function(builder.module, made.fndesc), WORD)
                 else:
-                    number = WORD(int(each))
+                    number = WORD(int(each or 0))
                 builder.store(number, builder.gep(memory, [WORD(i * columns + k)]))
         return _array(context, builder, kind, memory, [WORD(len(rows)), WORD(columns)])[0]
 
@@ -370,7 +370,9 @@ def _described(each: Any) -> Any:
     """What two linked tables of one type have in common."""
     if isinstance(each, int):
         return each
-    return [[cell[0].types(cell[1], False) if isinstance(cell, tuple) else int(cell) for cell in row] for row in each]
+    if isinstance(each, np.ndarray):
+        return each.tolist()
+    return [[cell and cell[0].types(cell[1], False) for cell in row] for row in each]
 
 
 @extending.typeof_impl.register(Linked)
@@ -381,12 +383,12 @@ def _linked_type(value: Linked, context: Any) -> LinkedType:
 _codes: dict[Any, Code] = {}  # of this process
 
 
-def code(parameters: Any, functions: tuple[Function, ...], remembered: int, wide: bool = False) -> Code:
-    """The code of a part that remembers so many floats, in this process."""
+def code(parameters: Any, functions: tuple[Function | None, ...], remembered: int, wide: bool = False) -> Code:
+    """The code of a part that remembers so many floats, in this process; the address of None is zero."""
     key = structure(parameters), functions, wide
     if key not in _codes:
-        made = [function.compiled(parameters, wide) for function in functions]
-        addresses = [each.library.get_pointer_to_function(each.fndesc.llvm_func_name) for each in made]
+        made = [function.compiled(parameters, wide) if function else None for function in functions]
+        addresses = [each.library.get_pointer_to_function(each.fndesc.llvm_func_name) if each else 0 for each in made]
         lengths = [n for leaf in packing.leaves(parameters) for n in np.shape(leaf.value)]
         _codes[key] = Code(np.array(addresses, np.int64), np.array([remembered, *lengths], np.int64))
     return _codes[key]

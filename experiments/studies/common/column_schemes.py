@@ -154,8 +154,7 @@ def arguments(case: Case, scheme: str, h: float) -> tuple[Any, ...]:
     t = h * np.arange(round(case.duration / h) + 1)
     T1 = case.amplitude * SCHEMES[scheme].hand(t, 2.0 * math.pi * case.frequency)
     size = law_of(case.friction).memory_size(case.friction)
-    p = sites.bound(case.friction) if scheme == "midpoint" else case.friction  # the others call the law directly
-    return case.c, p, np.zeros(4), np.zeros(size), np.zeros(max(size, 1)), T1, case.K_road, h
+    return case.c, sites.bound(case.friction), np.zeros(4), np.zeros(size), np.zeros(max(size, 1)), T1, case.K_road, h
 
 
 def integrate(case: Case, scheme: str, h: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
