@@ -214,10 +214,18 @@ def _try(law: Law, given: Mapping[str, Any]) -> None:
             around = np.full((2, n + 2), _GUARD)
             memory, out = around[0, 1:-1], around[1, 1:-1]
             memory[:] = out[:] = 0.0
-            values = {"p": p, "torque_scale": 1.0, "memory": memory, "w": w, "h": 1e-3, "out": out}
-            values |= {"S": 100.0, "R": 100.0 * w, "w_guess": 0.0}
+            values = {
+                "p": p,
+                "torque_scale": np.float64(1.0),
+                "memory": memory,
+                "w": np.float64(w),
+                "h": 1e-3,
+                "out": out,
+            }
+            values |= {"S": 100.0, "R": np.float64(100.0 * w), "w_guess": 0.0}
             try:
-                found = plainly(function)(*(values[each] for each in _ARGUMENTS[name].split(", ")))
+                with np.errstate(all="ignore"):  # as compiled code, a quotient of zero is no error in itself
+                    found = plainly(function)(*(values[each] for each in _ARGUMENTS[name].split(", ")))
             except Exception as error:
                 raise ValueError(f"{told} raises at w = {w:g}: {error!r}") from error
             if not (np.isfinite(around).all() and np.isfinite([] if found is None else found).all()):

@@ -356,6 +356,8 @@ def _advance_all(p, L, memory, w, h):
 
 @kernel
 def _solve_all(p, L, memory, S, R, h, w_guess):
+    if p.at.alone:
+        return solve(law_at(p, 0), L, memory, S, R, h, w_guess)
     rest = _rest_all(p, L, memory, h)
     side = where(R > rest, 1.0, -1.0)
     start, _ = _mean_all(p, L, memory, side * 0.0, h)
@@ -389,7 +391,8 @@ def bound(p: Any, wide: bool = False, linked: bool = False) -> Any:
     if isinstance(p, Bound):
         return p
     idle = tuple(_idle(site.law) for site in p) if isinstance(p, Sites) else ()
-    key = units.structure(p), idle, wide, linked
+    ends = tuple(site.end for site in p) if isinstance(p, Sites) else law_of(p).memory_size(p)
+    key = units.structure(p), ends, idle, wide, linked
     if linked or not COMPILED or key not in _tables:
         _tables[key] = _table(p, idle, wide, linked)
     return Bound(packing.numbers(p), _tables[key])
@@ -419,7 +422,7 @@ def _table(p: Any, idle: tuple[bool, ...], wide: bool, linked: bool) -> Any:
     sizes, addresses = (_stacked([getattr(code, name) for code in codes]) for name in ("sizes", "addresses"))
     if not linked:
         return Table(addresses, sizes, places, above, int(continuous), int(alone))
-    functions = tuple(tuple(function and (function, law) for function in unit.functions(law)) for law in laws_there)
+    functions = tuple(tuple((each or units.ABSENT, law) for each in unit.functions(law)) for law in laws_there)
     return units.Linked.of(Table(functions, sizes, places, above, int(continuous), int(alone)))
 
 

@@ -1,7 +1,7 @@
 """The laws that expensive tests run over: a few in every run, the others in the whole suite.
 
-The contracts of ``steer_env.testing`` hold every law to the same in every run; what a car makes of a law takes longer,
-because each law and chassis is compiled by itself. Tests over several dimensions run over pairs, not over products.
+The contracts of ``steer_env.testing`` hold every law to the same in every run; what a car makes of a law takes longer.
+Tests over several dimensions run over pairs, not over products.
 """
 
 from itertools import combinations, cycle

@@ -107,7 +107,7 @@ class Rolling(NamedTuple):
 
 
 def linked(p: Plant) -> Plant:
-    """A plant as compiled kernels take it in object code, which holds the functions of all its parts."""
+    """A plant as compiled kernels take it in object code, which holds the functions of its friction too."""
     return p._replace(friction=sites.bound(p.friction, linked=True)) if COMPILED else p
 
 

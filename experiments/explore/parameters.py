@@ -154,7 +154,10 @@ def _of_friction(law: str) -> Iterator[Parameter]:
         for key, value in of_law(law).items():
             yield _of_law(law, law, f"friction.{key}", "Friction law", value)
         return
+    resolved = sites.resolve(law)
     for site, given in sites.as_given(law).items():
+        if site in resolved._fields and not sites.acts(resolved, site, "law"):
+            continue  # a module leaves out what gives no friction at all
         for key, value in _of_site(site, given).items():
             # One that is given otherwise, as elements in place of F_c, or that another given one bounds, has no slider.
             if _numbers_with(law, {f"{site}.{key}": value}) != _numbers_with(law, {}):

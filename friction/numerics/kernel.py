@@ -12,6 +12,7 @@ compiler takes over, with the same options and to the same numbers.
 import functools
 import os
 from collections.abc import Callable
+from inspect import signature
 from types import FunctionType
 from typing import Any
 
@@ -101,12 +102,17 @@ def binds(position: int, bound: Callable[[Any], Any]) -> Callable[[Any], Any]:
     """Give a kernel's argument at a position bound where the caller is Python; kernels hand it over bound."""
 
     def decorated(compiled: Any) -> Any:
+        taken = signature(plain(compiled))
+
         @functools.wraps(plain(compiled))
-        def entry(*arguments):
+        def entry(*arguments, **named):
+            if named:
+                arguments = taken.bind(*arguments, **named).args
             return compiled(*arguments[:position], bound(arguments[position]), *arguments[position + 1 :])
 
         entry.kernel = compiled  # type: ignore[attr-defined]
         dispatch(entry, lambda kind, name: compiled, forceinline=True)
+        POINTS.pop(entry, None)  # no class selects it
         return entry
 
     return decorated
@@ -117,16 +123,17 @@ def plain(function: Any) -> Any:
     return getattr(function, "py_func", function)
 
 
-def plainly(function: Any) -> Any:
-    """A kernel as plain Python, with all kernels that it calls by their names."""
-    code = plain(function)
-    if not isinstance(code, FunctionType):
-        return function
-    called = {name: code.__globals__[name] for name in code.__code__.co_names if name in code.__globals__}
-    kernels = {name: plainly(each) for name, each in called.items() if plain(each) is not each}
-    made = FunctionType(code.__code__, {**code.__globals__, **kernels}, closure=code.__closure__)
-    made.__defaults__ = code.__defaults__
-    return made
+def plainly(function: Any, made: dict[Any, Any] | None = None) -> Any:
+    """A kernel as plain Python, with all kernels that it calls by their names; ``made`` are those that are so."""
+    code, made = plain(function), {} if made is None else made
+    if code in made or not isinstance(code, FunctionType):
+        return made.get(code, function)
+    known = dict(code.__globals__)
+    made[code] = FunctionType(code.__code__, known, argdefs=code.__defaults__, closure=code.__closure__)
+    for name in code.__code__.co_names:
+        if name in known and plain(known[name]) is not known[name]:
+            known[name] = plainly(known[name], made)
+    return made[code]
 
 
 def record(parameters: Any) -> np.recarray:

@@ -19,13 +19,14 @@ import sysconfig
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import ModuleType
+from types import FunctionType, ModuleType
 from typing import Any
 
 import llvmlite
 import llvmlite.binding
 import numba
 import numpy as np
+from numba.core.dispatcher import Dispatcher
 
 _START = time.time()  # a source file that changed after this may differ from what was imported
 _PROJECT = __name__.partition(".")[0]
@@ -41,6 +42,7 @@ _FREE = (  # settings of numba that leave the code as it is, or that numba sets 
 _MACHINERY = tuple(f"{__package__}.{name}" for name in ("cache", "compiler", "kernel", "stamp"))
 
 
+_CODE = FunctionType | Dispatcher
 POINTS: dict[Callable, Callable[[type, str], Any]] = {}  # dispatch point -> (class, name of the point) -> function
 
 
@@ -69,22 +71,23 @@ def stamp(kernel: Any, signature: tuple, compiler: str) -> str:
     UndecidableError
         If the kernel refers to a thing whose source this module cannot find.
     """
-    function = kernel.py_func
-    closed = [_value(cell.cell_contents) for cell in function.__closure__ or ()]
-    if None in closed:
-        raise UndecidableError(f"{function.__qualname__} closes over more than constants")
     files: dict[str, str] = {}
     classes = {made_of for kind in signature for made_of in _classes(kind)}
-    chosen = (choose(made_of, point.__name__) for made_of in classes for point, choose in POINTS.items())
-    for thing in (function, *classes, *chosen):
-        name = getattr(thing, "__module__", "builtins")
+    chosen = ((point, choose(made_of, point.__name__)) for made_of in classes for point, choose in POINTS.items())
+    selected = [(point.__name__, getattr(each, "py_func", each)) for point, each in chosen if isinstance(each, _CODE)]
+    functions = [("", kernel.py_func), *selected]
+    for thing in (*classes, *(function for _, function in functions)):
+        name = thing.__module__
         if getattr(sys.modules.get(name), "__file__", None) is None and name != "builtins":
             raise UndecidableError(f"{name} has no source file")
         _refer(thing, files)
+    for point, function in functions:
+        closed = [_value(cell.cell_contents) for cell in function.__closure__ or ()]
+        if None in closed:
+            raise UndecidableError(f"{function.__qualname__} closes over more than constants")
+        files[f"{point} {function.__module__}.{function.__qualname__}"] = repr(closed)
     counted = sorted(f"{file} {digest}" for file, digest in files.items())
-    return _hash(
-        _environment(compiler), function.__module__, function.__qualname__, *closed, *map(str, signature), *counted
-    )
+    return _hash(_environment(compiler), kernel.py_func.__qualname__, *map(str, signature), *counted)
 
 
 def _classes(kind: Any) -> Iterator[type]:
@@ -105,20 +108,23 @@ def _count(module: ModuleType, files: dict[str, str]) -> None:
         found = _unchanged(file).stat()
         files[name] = f"{found.st_size} {found.st_mtime_ns}"
         return
-    files[name] = _digest(file)
+    files[name] = _digest(file) if getattr(module, "__file__", None) else "a folder"
     if _lazy(module):  # which names it holds depends on what was asked for
         return
-    text = file.read_text(encoding="utf-8")
+    text = file.read_bytes() if file.is_file() else b""
     for key, value in list(vars(module).items()):
-        members = re.findall(rf"\b{key}\.(\w+)", text) if _lazy(value) else []
-        for each in (value, *(getattr(value, member, None) for member in members)):
+        members = re.findall(rb"\b%s\.(\w+)" % key.encode(), text) if _lazy(value) else []
+        for each in (value, *(getattr(value, member.decode(), None) for member in members)):
             _refer(each, files)
         if name not in _MACHINERY and not key.startswith("__"):  # what is set while the process runs counts too
             files[f"{name}.{key}"] = _value(value) or f"{type(value)} {getattr(value, '__qualname__', '')}"
 
 
 def _refer(thing: Any, files: dict[str, str]) -> None:
-    """Count a module, or that of a function or class."""
+    """Count a module, or that of a function or class, or those of a tuple or list of them."""
+    if type(thing) in (tuple, list):
+        for each in thing:
+            _refer(each, files)
     name = thing.__name__ if isinstance(thing, ModuleType) else getattr(thing, "__module__", None)
     if isinstance(name, str) and name in sys.modules:
         _count(sys.modules[name], files)

@@ -9,7 +9,7 @@ the addresses of its functions. All of them begin with the same two arguments:
 
 the address of the numbers, as :func:`steer_env.friction.numerics.packing.pack` orders them, and that of ``sizes``: how
 many floats the part remembers, then the lengths of the arrays among the numbers. :func:`values` makes the parameters of
-these, with the same kernels as where they are called directly, to the bit. A function that raises passes its exception
+these, and the numbers are those of direct calls to the bit. A function that raises passes its exception
 on to the caller.
 
 An address belongs to the process that compiled it. :func:`code` gives it to what is bound there, and nothing that
@@ -24,6 +24,7 @@ import numpy as np
 from llvmlite import ir
 from numba import extending, types
 from numba.core import cgutils
+from numba.core.errors import NumbaTypeError
 from numba.extending import models, register_model
 from numba.np.arrayobj import populate_array
 from numpy.typing import NDArray
@@ -102,7 +103,10 @@ def values(typing_context, numbers, sizes):
             members = [filled(member) for member in kind]  # type: ignore[attr-defined]  # numba declares no members
             return types.BaseTuple.from_types(members, getattr(kind, "instance_class", None))
         if isinstance(kind, types.Array):
-            return types.Array(numbers.number, kind.ndim, "C", readonly=True, aligned=False)
+            dtype = numbers.number if isinstance(kind.dtype, types.Float) else kind.dtype
+            if dtype != numbers.number and isinstance(numbers.number, simd.Wide):
+                raise TypeError(f"a unit for four cars side by side has arrays of floats alone, got {kind}")
+            return types.Array(dtype, kind.ndim, "C", readonly=True, aligned=False)
         return numbers.number if isinstance(kind, types.Float) else kind
 
     def generate(context, builder, signature, arguments):
@@ -119,6 +123,8 @@ def values(typing_context, numbers, sizes):
                 number = builder.load(here, align=8)
                 # No function writes to its numbers: the compiler may load one where it is used.
                 number.set_metadata("invariant.load", builder.module.add_metadata([]))
+                if kind != numbers.number and isinstance(numbers.number, simd.Wide):
+                    number = builder.extract_element(number, WORD(0))  # of all four, which have it in common
                 return number if kind == numbers.number else context.cast(builder, number, types.float64, kind)
             shape = [builder.load(builder.gep(dimensions, [WORD(k)])) for k in range(kind.ndim)]
             dimensions = builder.gep(dimensions, [WORD(kind.ndim)])
@@ -185,12 +191,10 @@ def address_of(typing_context, array, i):
 
 
 def _loaded(context: Any, builder: Any, kind: Any, array: Any, i: Any, k: Any) -> Any:
-    """A whole number of a table, without numba's thought of indices below zero; no kernel changes it."""
+    """A whole number of a table, without numba's thought of indices below zero."""
     found = context.make_array(kind)(context, builder, array)
     columns = builder.extract_value(found.shape, 1)
-    number = builder.load(builder.gep(found.data, [builder.add(builder.mul(i, columns), k)]))
-    number.set_metadata("invariant.load", builder.module.add_metadata([]))
-    return number
+    return builder.load(builder.gep(found.data, [builder.add(builder.mul(i, columns), k)]))
 
 
 @_intrinsic
@@ -203,6 +207,9 @@ def _cell(typing_context, table, i, k):
 
 @_intrinsic
 def _between(typing_context, array, table, i, k):
+    if array.layout != "C":
+        raise NumbaTypeError(f"the memory of sites is a contiguous array of float64, got {array}")
+
     def generate(context, builder, signature, arguments):
         values, ends, i, k = arguments
         first, end = (_loaded(context, builder, signature.args[1], ends, i, builder.add(k, WORD(n))) for n in (0, 1))
@@ -232,7 +239,10 @@ def caller(returns: Any) -> Any:
 
     @_intrinsic
     def call(typing_context, part, k, rest):
-        number = next(kind.dtype for kind in rest if isinstance(kind, types.Array))
+        arrays = [kind for kind in rest if isinstance(kind, types.Array)]
+        if any(kind.layout != "C" or kind.dtype not in (types.float64, simd.FOUR) for kind in arrays):
+            raise NumbaTypeError(f"a unit takes contiguous arrays of float64, got {arrays}")
+        number = arrays[0].dtype
         taken = [types.CPointer(number) if isinstance(kind, types.Array) else number for kind in rest]
         given = [types.CPointer(number), types.CPointer(types.int64), *taken]
         result = returns(number)
@@ -315,6 +325,14 @@ class Function(NamedTuple):
         return found
 
 
+@kernel
+def _absent(numbers, sizes):
+    raise NotImplementedError("the law has no such function, or none for four cars side by side")
+
+
+ABSENT = Function(_absent, "", NONE)  # in place of one that a part does not have
+
+
 class Linked(tuple):
     """In place of a tuple of whole numbers and tables of them: what object code makes it of, which holds it itself.
 
@@ -338,9 +356,14 @@ class LinkedType(types.Type):
         self.given = linked.given
         of_each = [types.int64 if isinstance(each, int) else types.Array(types.int64, 2, "C") for each in self.given]
         self.made = types.NamedTuple(of_each, type(self.given))
-        cells = [cell for each in self.given if isinstance(each, tuple) for row in each for cell in row if cell]
+        cells = [cell for each in self.given if isinstance(each, tuple) for row in each for cell in row]
         self.parts = [kind for function, parameters in cells for kind in function.types(parameters, False)]
         super().__init__(f"Linked({[_described(each) for each in self.given]})")
+
+    @property
+    def key(self) -> Any:
+        """What two equal types have in common: names, and the classes that two of one name may have."""
+        return self.name, tuple(self.parts)
 
     def generate(self, context: Any, builder: Any) -> Any:
         """The code of it; its tables live as long as the function that begins with them."""
@@ -361,7 +384,7 @@ class LinkedType(types.Type):
                     context.active_code_library.add_linking_library(made.library)
                     number = builder.ptrtoint(context.declare_function(builder.module, made.fndesc), WORD)
                 else:
-                    number = WORD(int(each or 0))
+                    number = WORD(int(each))
                 builder.store(number, builder.gep(memory, [WORD(i * columns + k)]))
         return _array(context, builder, kind, memory, [WORD(len(rows)), WORD(columns)])[0]
 
@@ -372,7 +395,7 @@ def _described(each: Any) -> Any:
         return each
     if isinstance(each, np.ndarray):
         return each.tolist()
-    return [[cell and cell[0].types(cell[1], False) for cell in row] for row in each]
+    return [[function.types(parameters, False) for function, parameters in row] for row in each]
 
 
 @extending.typeof_impl.register(Linked)
@@ -384,11 +407,13 @@ _codes: dict[Any, Code] = {}  # of this process
 
 
 def code(parameters: Any, functions: tuple[Function | None, ...], remembered: int, wide: bool = False) -> Code:
-    """The code of a part that remembers so many floats, in this process; the address of None is zero."""
-    key = structure(parameters), functions, wide
+    """The code of a part that remembers so many floats, in this process; what stands for None raises."""
+    key = structure(parameters), functions, remembered, wide
     if key not in _codes:
-        made = [function.compiled(parameters, wide) if function else None for function in functions]
-        addresses = [each.library.get_pointer_to_function(each.fndesc.llvm_func_name) if each else 0 for each in made]
+        if any(leaf.table for leaf in packing.leaves(parameters)):
+            raise TypeError("its parameters hold tables that plants share, which a unit does not take")
+        made = [(function or ABSENT).compiled(parameters, wide) for function in functions]
+        addresses = [each.library.get_pointer_to_function(each.fndesc.llvm_func_name) for each in made]
         lengths = [n for leaf in packing.leaves(parameters) for n in np.shape(leaf.value)]
         _codes[key] = Code(np.array(addresses, np.int64), np.array([remembered, *lengths], np.int64))
     return _codes[key]

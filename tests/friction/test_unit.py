@@ -12,6 +12,8 @@ from typing import NamedTuple
 import gymnasium as gym
 import numpy as np
 import pytest
+from numba.core.errors import TypingError
+from numpy.typing import NDArray
 
 from steer_env import friction
 from steer_env.friction import law, sites
@@ -19,6 +21,7 @@ from steer_env.friction.numerics.kernel import COMPILED, kernel
 from steer_env.friction.response import follow
 from steer_env.registration import id_of
 from steer_env.vehicle import cars, plant
+from steer_env.vehicle.steering import column
 
 
 def seen(env, steps=20):
@@ -62,6 +65,71 @@ def test_calls_by_address_are_direct_ones_to_the_bit(name):
     follow(p, levels, np.zeros(law.law_of(p).memory_size(p)), x, 1e-3, found)
     getattr(follow, "kernel", follow)(p, levels, np.zeros(law.law_of(p).memory_size(p)), x, 1e-3, expected)
     np.testing.assert_array_equal(found, expected)
+
+
+class Chain(NamedTuple):
+    n: int  # floats that it remembers
+    k: NDArray[np.int64]  # (2,) stiffnesses
+
+
+@kernel
+def chain_torque(p, torque_scale, memory, w):
+    return p.k[0] * memory[0] + p.k[1] * memory[p.n - 1]
+
+
+@kernel
+def chain_advance(p, torque_scale, memory, w, h):
+    for i in range(p.n):
+        memory[i] += w * h / (1.0 + i)
+
+
+@kernel
+def chain_solve(p, torque_scale, memory, S, R, h, w_guess):
+    return R / S
+
+
+@kernel
+def chain_rate(p, torque_scale, memory, w, out):
+    out[0] = w
+
+
+@kernel
+def chain_energy(p, memory):
+    return 0.0
+
+
+@pytest.fixture
+def chain():
+    """A law whose memory is as long as a parameter says, with whole numbers, and without a mean torque."""
+    with law.LAWS.restored():
+        functions = {
+            "torque": chain_torque,
+            "advance": chain_advance,
+            "rate": chain_rate,
+            "stored_energy": chain_energy,
+        }
+        given = {**functions, "solve": chain_solve, "memory_size": lambda p: p.n}
+        law.register("chain", Chain, make=lambda *, n=2: Chain(n, np.array([10, 30])), **given)
+        yield lambda n: friction.make("chain", n=n)
+
+
+def test_laws_of_one_class_that_remember_more_or_less_are_told_apart(chain):
+    x = 1e-3 * np.arange(5.0)
+    for n in (2, 5, 2):
+        np.testing.assert_allclose(friction.response(chain(n), x, 1e-3), (10.0 + 30.0 / n) * x, rtol=1e-12)
+
+
+@pytest.mark.skipif(not COMPILED, reason="nothing is called by address")
+def test_a_function_that_a_law_does_not_have_is_told(chain):
+    with pytest.raises(NotImplementedError, match="the law has no such function"):
+        law.mean_torque(sites.bound(chain(2)), 1.0, np.zeros(2), 1.0, 1e-3)
+
+
+@pytest.mark.skipif(not COMPILED, reason="nothing is called by address")
+@pytest.mark.parametrize("memory", [np.zeros((4, 2))[:, 1], np.zeros(1, np.float32)], ids=["strided", "float32"])
+def test_a_memory_of_another_kind_is_refused(memory):
+    with pytest.raises(TypingError, match="a unit takes contiguous arrays of float64"):
+        column.step_torque(column.make(), friction.make("lugre"), 1.0, np.zeros(4), memory, 1.0, 0.0, 1e-3)
 
 
 @pytest.mark.skipif(not COMPILED, reason="nothing is called by address")
