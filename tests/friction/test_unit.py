@@ -161,7 +161,7 @@ def spring(**given):
     ("given", "message"),
     [
         ({"torque": lambda p, memory, w: 0.0}, r"torque\(p, torque_scale, memory, w\) raises .*positional arguments"),
-        ({"torque": lambda p, L, memory, w: 1 / w}, "raises at w = 0: ZeroDivisionError"),
+        ({"torque": lambda p, L, memory, w: {}[w]}, "raises at w = 0: KeyError"),
         ({"torque": lambda p, L, memory, w: math.nan if w < 0.0 else 0.0}, "is not finite at w = -0.01: nan"),
         ({"advance": lambda p, L, memory, w, h: memory.__setitem__(1, w)}, r"advance\(.* raises .*IndexError"),
         ({"rate": lambda p, L, memory, w, out: out.base.__setitem__((1, 0), w)}, "beyond the 1 floats of memory_size"),
