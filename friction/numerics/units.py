@@ -194,7 +194,9 @@ def _loaded(context: Any, builder: Any, kind: Any, array: Any, i: Any, k: Any) -
     """A whole number of a table, without numba's thought of indices below zero."""
     found = context.make_array(kind)(context, builder, array)
     columns = builder.extract_value(found.shape, 1)
-    return builder.load(builder.gep(found.data, [builder.add(builder.mul(i, columns), k)]))
+    number = builder.load(builder.gep(found.data, [builder.add(builder.mul(i, columns), k)]))
+    number.set_metadata("invariant.load", builder.module.add_metadata([]))  # no kernel changes it
+    return number
 
 
 @_intrinsic
@@ -375,17 +377,17 @@ class LinkedType(types.Type):
 
     def _table(self, context: Any, builder: Any, kind: Any, rows: Any) -> Any:
         columns = max(map(len, rows), default=1)
-        memory = cgutils.alloca_once(builder, WORD, size=max(len(rows) * columns, 1))
-        for i, row in enumerate(rows):
-            for k, each in enumerate(row):
-                if isinstance(each, tuple):
-                    function, parameters = each
+        if isinstance(rows, np.ndarray):  # a constant, as what is loaded from it must not have been stored before
+            numbers = ir.Constant(ir.ArrayType(WORD, rows.size), rows.ravel().tolist())
+            memory = builder.bitcast(cgutils.global_constant(builder, "table", numbers), WORD.as_pointer())
+        else:
+            memory = cgutils.alloca_once(builder, WORD, size=max(len(rows) * columns, 1))
+            for i, row in enumerate(rows):
+                for k, (function, parameters) in enumerate(row):
                     made = function.compiled(parameters, False)
                     context.active_code_library.add_linking_library(made.library)
-                    number = builder.ptrtoint(context.declare_function(builder.module, made.fndesc), WORD)
-                else:
-                    number = WORD(int(each))
-                builder.store(number, builder.gep(memory, [WORD(i * columns + k)]))
+                    address = builder.ptrtoint(context.declare_function(builder.module, made.fndesc), WORD)
+                    builder.store(address, builder.gep(memory, [WORD(i * columns + k)]))
         return _array(context, builder, kind, memory, [WORD(len(rows)), WORD(columns)])[0]
 
 
