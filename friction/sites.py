@@ -96,6 +96,7 @@ class Table(NamedTuple):
     places: NDArray[np.int64]  # (n, 4) first numbers of law and conditions, first float of the memory and the end
     above: int  # how many sites are above the bar, 0 or 1
     continuous: int  # 1 where the law of every site below the bar is
+    wide: int  # 1 where the functions are those of four cars side by side
     alone: int  # 1 where a law is given for the column as a whole, without conditions of its own
 
 
@@ -389,6 +390,8 @@ def bound(p: Any, wide: bool = False, linked: bool = False) -> Any:
     ``wide`` is for kernels of four cars side by side, ``linked`` for object code that holds the laws too.
     """
     if isinstance(p, Bound):
+        if linked or p.at.wide != wide:  # their types are equal, and one would call the functions of the other
+            raise ValueError("friction is bound for another use: bind its parameters")
         return p
     idle = tuple(_idle(site.law) for site in p) if isinstance(p, Sites) else ()
     ends = tuple(site.end for site in p) if isinstance(p, Sites) else law_of(p).memory_size(p)
@@ -415,15 +418,16 @@ def _table(p: Any, idle: tuple[bool, ...], wide: bool, linked: bool) -> Any:
         first = own + _PER_SITE
     laws_there = [law for law, *_ in found]
     places = np.array([place for _, *place in found], np.int64).reshape(-1, 4)
-    continuous, alone = all(law_of(law).continuous for law in laws_there[above:]), not isinstance(p, Sites)
+    continuous = all(law_of(law).continuous for law in laws_there[above:])
+    flags = above, int(continuous), int(wide), int(not isinstance(p, Sites))
     if not COMPILED:
-        return Table(tuple(laws_there), places, places, above, int(continuous), int(alone))
+        return Table(tuple(laws_there), places, places, *flags)
     codes = [unit.code(law, wide) for law in laws_there]
     sizes, addresses = (_stacked([getattr(code, name) for code in codes]) for name in ("sizes", "addresses"))
     if not linked:
-        return Table(addresses, sizes, places, above, int(continuous), int(alone))
+        return Table(addresses, sizes, places, *flags)
     functions = tuple(tuple((each or units.ABSENT, law) for each in unit.functions(law)) for law in laws_there)
-    return units.Linked.of(Table(functions, sizes, places, above, int(continuous), int(alone)))
+    return units.Linked.of(Table(functions, sizes, places, *flags))
 
 
 def _stacked(rows: list[NDArray[np.int64]]) -> NDArray[np.int64]:

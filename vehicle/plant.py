@@ -117,7 +117,7 @@ def bound(p: Any, wide: bool = False) -> Any:
     With ``wide``, for four cars side by side (:func:`run_fours`). What is bound stays as it is.
     """
     if isinstance(p.friction, sites.Bound):
-        return p
+        return p._replace(friction=sites.bound(p.friction, wide))
     assist = p.assist
     if not wide:
         assist = assist._replace(functions=functions.bound(assist.functions), motor=motor.bound(assist.motor))

@@ -228,6 +228,12 @@ between: Any = _between if COMPILED else lambda array, table, i, k: array[table[
 
 
 @kernel
+def remembered(unit):
+    """How many floats a unit remembers."""
+    return unit.code.sizes[0]
+
+
+@kernel
 def part(unit):
     """A unit as what calls its functions takes it."""
     return Part(address_of(unit.code.addresses, 0), address_of(unit.numbers, 0), address_of(unit.code.sizes, 0))

@@ -138,6 +138,8 @@ def test_what_holds_addresses_stays_in_its_process():
     for act in (pickle.dumps, copy.deepcopy):
         with pytest.raises(TypeError, match="holds addresses of this process: bind its parameters anew"):
             act(bound)
+    with pytest.raises(ValueError, match="bound for another use"):
+        plant.bound(bound, wide=True)
 
 
 class Spring(NamedTuple):
