@@ -8,7 +8,7 @@ the assist's functions, and the memory of the friction law.
 from typing import Any, NamedTuple
 
 from steer_env.friction.law import law_of
-from steer_env.friction.numerics.kernel import kernel, plain
+from steer_env.friction.numerics.kernel import kernel, part, plain
 from steer_env.vehicle import chassis
 from steer_env.vehicle.chassis.common.interface import INPUTS, Names
 from steer_env.vehicle.steering import column, eps, motor
@@ -81,14 +81,14 @@ def _arrange(n, m, j, k):
     )
 
 
-@kernel
+@part
 def layout(p):
     """The layout of a plant, in kernels; up to the motor compiled code knows its numbers as constants."""
     n, m, a = chassis.state_size(p.chassis), chassis.output_size(p.chassis), p.assist
     return _arrange(n, m, motor.size(a.motor), functions.size(a.functions))
 
 
-@kernel
+@part
 def layout_to_motor(p):
     """As :func:`layout`, of a plant of which the steering is left out: right up to the motor."""
     return _arrange(chassis.state_size(p.chassis), chassis.output_size(p.chassis), 0, 0)

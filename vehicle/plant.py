@@ -125,14 +125,13 @@ def bound(p: Any, wide: bool = False) -> Any:
 
 
 @part
-def evaluate(p, state, u):
+def evaluate(p, at, state, u, derivative):
     """Evaluate the chassis at the present state: derivative, outputs and rack force; the last values become the former.
 
     The extrapolation gives a change of an input between two evaluations the effect of a change midway between them.
     The chassis therefore receives the mean input since the last evaluation and half of the change since then, which
-    gives a step its whole effect and a ramp no delay (N3).
+    gives a step its whole effect and a ramp no delay (N3). ``derivative`` is that of the chassis.
     """
-    at = layout_to_motor(p)
     for i in range(at.rate_before - at.rate):
         state[at.rate_before + i] = state[at.rate + i]
     for i in range(at.outputs_before - at.outputs):
@@ -143,7 +142,7 @@ def evaluate(p, state, u):
         received[i] += 0.5 * (u[i] - state[at.last_inputs + i])  # (N3)
         state[at.last_inputs + i] = u[i]
     rack = p.pinion_radius * state[column.COLUMN_ANGLE]  # (P1)
-    force = chassis.derivative(
+    force = derivative(
         p.chassis,
         p.strut,
         p.tyre[0],
@@ -209,9 +208,8 @@ def steer(p, at, state, hand, hand_speed, before, after, elapsed, force, h):
 
 
 @part
-def roll(p, state, s, u, h):
+def roll(p, at, state, s, u, h):
     """Advance the chassis by one step ``h``, whose middle lies ``s`` chassis steps after the last evaluation."""
-    at = layout_to_motor(p)
     chassis.advance(
         p.chassis,
         state[at.chassis : at.rate],
@@ -235,13 +233,12 @@ def _step(p, at, state, hand, hand_speed, before, after, elapsed, u, h):
     # (N1)
     force = state[at.rack_force] + s * (state[at.rack_force] - state[at.rack_force + 1]) + u[RACK_DISTURBANCE]
     steer(p, at, state, hand, hand_speed, before, after, elapsed, force, h)
-    roll(p, state, s, u, h)
+    roll(p, at, state, s, u, h)
 
 
 @part
-def report_column(p, state, row):
+def report_column(p, at, state, row):
     """Fill the channels of column and assist, the first of a row."""
-    at = layout_to_motor(p)
     row[0] = state[column.HANDWHEEL_ANGLE]
     row[1] = state[column.HANDWHEEL_SPEED]
     # Step means are extrapolated to the end of the last step (N4); a prescribed hand torque is reported itself.
@@ -256,9 +253,8 @@ def report_column(p, state, row):
 
 
 @part
-def report_chassis(p, state, u, row):
+def report_chassis(p, at, state, u, row):
     """Fill the rack force and the channels of the chassis, the rest of a row."""
-    at = layout_to_motor(p)
     s = state[at.steps] / STEPS_PER_CHASSIS_STEP
     row[0] = state[at.rack_force] + s * (state[at.rack_force] - state[at.rack_force + 1])
     chassis.report(
@@ -301,7 +297,7 @@ def begin(p, state):
     for i in range(u.size):
         u[i] = 0.0
     for _ in range(2):  # the last evaluation and the one before
-        evaluate(p, state, u)
+        evaluate(p, at, state, u, chassis.derivative_apart)
     return SETTLING if straight else RUN_IN
 
 
@@ -345,11 +341,11 @@ def run(p, state, inputs, record, substeps):
                 hand_speed = slope / T
             _step(p, at, state, hand, hand_speed, before, after, j * h, u, h)
             if any_of(state[at.steps] == STEPS_PER_CHASSIS_STEP):
-                evaluate(p, state, u)
+                evaluate(p, at, state, u, chassis.derivative)
                 state[at.steps] = 0.0
         if i <= last or i == inputs.shape[0] - 1:
-            report_column(p, state, row)
-            report_chassis(p, state, u, row[_OWN - 1 :])
+            report_column(p, at, state, row)
+            report_chassis(p, at, state, u, row[_OWN - 1 :])
     finite = True
     for value in state:
         finite = finite & (abs(value) < math.inf)
@@ -461,9 +457,9 @@ def begin_fours(template, rows, states, samples, low, high):
 
 def reported(p: Plant, state: NDArray[np.float64], u: NDArray[np.float64]) -> NDArray[np.float64]:
     """Channels (C,) of a state (S,) at the end of a sample with a row ``u`` (I,) of inputs."""
-    row = np.zeros(len(channels(p)))
-    plain(report_column)(p, state, row)
-    plain(report_chassis)(p, state, u, row[_OWN - 1 :])
+    row, at = np.zeros(len(channels(p))), plain(layout_to_motor)(p)
+    plain(report_column)(p, at, state, row)
+    plain(report_chassis)(p, at, state, u, row[_OWN - 1 :])
     return row
 
 

@@ -335,4 +335,4 @@ def under_wheels(r, front, rear):
     return _UNDER[type(r)](r, front, rear)
 
 
-dispatch(under_wheels, lambda kind, _: _UNDER.get(kind), forceinline=True)
+dispatch(under_wheels, lambda kind, _: _UNDER.get(kind))

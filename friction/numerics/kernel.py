@@ -64,6 +64,11 @@ def kernel(function: Callable) -> Any:
     return _dispatcher(function, forceinline=True) if COMPILED else function
 
 
+def apart(function: Callable) -> Any:
+    """A kernel that stays a function of its own in compiled callers: translated once, whatever calls it."""
+    return _dispatcher(function, forceinline=False) if COMPILED else function
+
+
 def part(function: Callable) -> Any:
     """A kernel with one caller, merged into it before anything is compiled: it compiles sooner."""
     return _dispatcher(function, inline="always") if COMPILED else function
@@ -92,7 +97,7 @@ def dispatch(point: Callable, choose: Callable[[type, str], Any], **more: Any) -
     def chosen(p, *_):
         return plain(choose(getattr(p, "instance_class", type(None)), point.__name__))
 
-    options: Any = {"error_model": "numpy", "_nrt": False, **more}
+    options: Any = {"error_model": "numpy", "_nrt": False, "forceinline": True, **more}
     if _fast:
         options["pipeline_class"] = _fast.Drafter
     overload(point, jit_options=options, strict=False)(chosen)
@@ -111,7 +116,7 @@ def binds(position: int, bound: Callable[[Any], Any]) -> Callable[[Any], Any]:
             return compiled(*arguments[:position], bound(arguments[position]), *arguments[position + 1 :])
 
         entry.kernel = compiled  # type: ignore[attr-defined]
-        dispatch(entry, lambda kind, name: compiled, forceinline=True)
+        dispatch(entry, lambda kind, name: compiled)
         POINTS.pop(entry, None)  # no class selects it
         return entry
 

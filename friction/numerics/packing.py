@@ -20,7 +20,7 @@ from numba.np.arrayobj import populate_array
 from numpy.typing import NDArray
 
 from steer_env.friction.numerics import simd
-from steer_env.friction.numerics.kernel import COMPILED
+from steer_env.friction.numerics.kernel import dispatch
 
 Array = NDArray[np.float64]
 Class = TypeVar("Class", bound=type)
@@ -304,15 +304,16 @@ def _of_rows(typing_context, template, rows, four):
     return _beside_type(template)(template, rows, four), generate
 
 
-if COMPILED:
+def _row(template, rows, i):
+    return _of_row(template, rows, i)
 
-    @extending.overload(of_row, strict=False)
-    def _chosen(template, rows, i):
-        return lambda template, rows, i: _of_row(template, rows, i)
 
-    @extending.overload(of_rows, strict=False)
-    def _chosen_rows(template, rows, four):
-        return lambda template, rows, four: _of_rows(template, rows, four)
+def _four_rows(template, rows, four):
+    return _of_rows(template, rows, four)
+
+
+dispatch(of_row, lambda kind, _: _row)
+dispatch(of_rows, lambda kind, _: _four_rows)
 
 
 class _Place(NamedTuple):

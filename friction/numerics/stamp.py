@@ -100,15 +100,16 @@ def _classes(kind: Any) -> Iterator[type]:
 
 def _count(module: ModuleType, files: dict[str, str]) -> None:
     """Count a module: its file, and all modules that it refers to."""
-    name, file = module.__name__, Path(getattr(module, "__file__", None) or "")
+    name, where = module.__name__, getattr(module, "__file__", None) or ""
     root = name.partition(".")[0]
-    if name in files or _by_version(root, file):
+    if name in files or _by_version(root, where):
         return
+    file = Path(where)
     if root != _PROJECT and any(file.is_relative_to(folder) for folder in _INSTALLED):
         found = _unchanged(file).stat()
         files[name] = f"{found.st_size} {found.st_mtime_ns}"
         return
-    files[name] = _digest(file) if getattr(module, "__file__", None) else "a folder"
+    files[name] = _digest(file) if where else "a folder"
     if _lazy(module):  # which names it holds depends on what was asked for
         return
     text = file.read_bytes() if file.is_file() else b""
@@ -148,9 +149,9 @@ def _value(value: Any) -> str | None:
 
 
 @functools.cache
-def _by_version(root: str, file: Path) -> bool:
+def _by_version(root: str, file: str) -> bool:
     """Whether a module belongs to Python, numba, llvmlite or numpy, which :func:`_environment` counts."""
-    own = root in sys.stdlib_module_names and (file == Path() or file.resolve().is_relative_to(_STANDARD))
+    own = root in sys.stdlib_module_names and (not file or Path(file).resolve().is_relative_to(_STANDARD))
     return own or root in (
         "builtins",
         "numba",

@@ -8,7 +8,7 @@ import numpy as np
 
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle import plant
-from steer_env.vehicle.chassis.common.interface import RACK_DISTURBANCE, WIND_FORCE
+from steer_env.vehicle.chassis.common.interface import RACK_DISTURBANCE, WIND_FORCE, derivative
 from steer_env.vehicle.layout import layout
 from steer_env.vehicle.steering.column import COLUMN_ANGLE, COLUMN_SPEED
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
@@ -35,12 +35,12 @@ def advance(p, state, given, inputs, outputs, samples):
         u[i] = given[i - RACK_DISTURBANCE + 3]
     for i in range(samples):
         s = (state[at.steps] + 0.5) / plant.STEPS_PER_CHASSIS_STEP
-        plant.roll(p, state, s, u, SAMPLE_TIME)
+        plant.roll(p, at, state, s, u, SAMPLE_TIME)
         state[COLUMN_ANGLE], state[COLUMN_SPEED] = reached(start, start_speed, given[0], given[1], i + 1, samples)
         if state[at.steps] == plant.STEPS_PER_CHASSIS_STEP:
-            plant.evaluate(p, state, u)
+            plant.evaluate(p, at, state, u, derivative)
             state[at.steps] = 0.0
-    plant.report_chassis(p, state, u, outputs[0])
+    plant.report_chassis(p, at, state, u, outputs[0])
     return is_finite(state)
 
 

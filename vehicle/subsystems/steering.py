@@ -45,7 +45,7 @@ def advance(p, state, given, inputs, outputs, samples):
         beyond = rack - within(rack, -p.rack_limit, p.rack_limit)
         force = given[4] + plant.STOP_STIFFNESS * beyond  # (P4)
         plant.steer(p, at, state, hand, hand_speed, before, after, 0.0, force, SAMPLE_TIME)
-    plant.report_column(p, state, row)
+    plant.report_column(p, at, state, row)
     row[_COLUMN] = p.pinion_radius * state[COLUMN_ANGLE]  # (P1)
     row[_COLUMN + 1] = p.pinion_radius * state[COLUMN_SPEED]
     return is_finite(state)

@@ -31,7 +31,7 @@ from steer_env.friction import law, make
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.registration import id_of
 from steer_env.vehicle import cars, plant
-from steer_env.vehicle.chassis.common.interface import HAND, HAND_SPEED
+from steer_env.vehicle.chassis.common.interface import HAND, HAND_SPEED, derivative
 from steer_env.vehicle.layout import layout
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
@@ -429,15 +429,17 @@ def _steering(p, state, inputs):
 @kernel
 def _evaluation(p, state, inputs):
     """Evaluations of the chassis in a loop, where it is."""
+    at = layout(p)
     for i in range(inputs.shape[0]):
-        plant.evaluate(p, state, inputs[i])
+        plant.evaluate(p, at, state, inputs[i], derivative)
 
 
 @kernel
 def _integration(p, state, inputs):
     """Steps of the chassis in a loop, so short that it stays where it is."""
+    at = layout(p)
     for i in range(inputs.shape[0]):
-        plant.roll(p, state, 0.5, inputs[i], 1e-12)
+        plant.roll(p, at, state, 0.5, inputs[i], 1e-12)
 
 
 # Part of 1 ms of the plant -> its loop, and how often it is evaluated in it.

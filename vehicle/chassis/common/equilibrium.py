@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from steer_env.friction.numerics import scratch
 from steer_env.friction.numerics.kernel import kernel
-from steer_env.vehicle.chassis.common.interface import INPUTS, derivative
+from steer_env.vehicle.chassis.common.interface import INPUTS, derivative_apart
 
 MOST = 16  # unknowns
 _MATRIX, _INPUTS = MOST * MOST, len(INPUTS)
@@ -72,12 +72,12 @@ def balance(p, strut, tyre, x, unknowns, n, dx, out):
     for i in range(_INPUTS):
         u[i] = 0.0
     for _ in range(ITERATIONS):
-        for k in range(n + 1):  # at x, then beside it; in one loop, as a second call would be compiled once more
+        for k in range(n + 1):  # at x, then beside it
             j = max(k - 1, 0)
             h, kept, other = unknowns.steps[j], x[unknowns.at[j]], x[unknowns.mirrored[j]]
             if k > 0:
                 _move(unknowns.at, unknowns.mirrored, unknowns.signs, x, j, h)
-            derivative(p, strut, tyre, x, 0.0, 0.0, u, dx, out)
+            derivative_apart(p, strut, tyre, x, 0.0, 0.0, u, dx, out)
             x[unknowns.mirrored[j]], x[unknowns.at[j]] = other, kept
             for i in range(n):
                 if k > 0:
