@@ -83,7 +83,7 @@ def run(args: argparse.Namespace) -> None:
     remote = where.cluster not in ("", sweep.where.LOCAL)
     workers = MOST_WORKERS if remote else where.workers
     pace = Pace()
-    with progress("tuning", timed=True) as notify, _watched(notify, args, pace) as began:
+    with progress("tuning") as notify, _watched(notify, args, pace) as began:
         outcome = tuning.tune(
             posed, args.out, args.budget, run, workers, began=began, pace=pace,
             address=args.storage, sampler=args.sampler, seed=args.seed, resume=args.resume, confirm=args.confirm,

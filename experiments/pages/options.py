@@ -2,6 +2,7 @@
 
 import os
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -10,7 +11,7 @@ from pathlib import Path
 # Those of steer_env.friction.law and steer_env.friction.sites, which take longer to import.
 FRICTION = "LAW[,key=value...], a list of numbers as a:b:c, or a fitted FILE.json"
 SITES = "LAW[,key=value...]@SITE, several joined by +; @column_eps and @rack_eps are all sites of that steering"
-LONG = 10.0  # time from which on work without a terminal says how far it is [s]
+LONG = 3.0  # time from which on work without a terminal says what it does and how far it is [s]
 
 
 class Friction:
@@ -48,21 +49,50 @@ class Friction:
             self.label, self.text = Path(text).name, sites.as_text(self.parameters)
 
 
-def _lines(total: float | None, timed: bool) -> Callable[[float, str], None]:
-    """Says on standard error which tenth of long work is done, each once; ``STEER_ENV_QUIET=1`` silences it."""
-    start, said = time.monotonic(), 0
+class _Pace:
+    """What is left of long work by the pace since its first part was done, before which kernels are compiled."""
+
+    def __init__(self, total: float | None) -> None:
+        self.total, self.start = total, time.monotonic()
+        self._first: tuple[float, float] | None = None
+
+    def left(self, part: float) -> float | None:
+        """Time that is left [s]; None where nothing is known of it yet."""
+        now = time.monotonic()
+        if not self.total or part <= 0.0:
+            return None
+        self._first = self._first or (now, part)
+        since, done = now - self._first[0], part - self._first[1]
+        return since / done * (self.total - part) if done > 0.0 else None
+
+
+@contextmanager
+def _lines(what: str, pace: _Pace) -> Iterator[Callable[[float, str], None]]:
+    """Says on standard error what long work does and which tenth of it is done; ``STEER_ENV_QUIET=1`` silences it."""
+    said = 0
+    quiet = os.environ.get("STEER_ENV_QUIET", "0") not in ("", "0")
+
+    def tell(text: str) -> None:
+        if not quiet:
+            print(f"steer-env: {text}", file=sys.stderr, flush=True)
 
     def notify(part: float, text: str) -> None:
         nonlocal said
-        tenths = int(10.0 * part / total + 1e-9) if total else 0
-        seconds = time.monotonic() - start
-        if said < tenths < 10 and seconds > LONG and os.environ.get("STEER_ENV_QUIET", "0") in ("", "0"):
+        left = pace.left(part)
+        tenths = int(10.0 * part / pace.total + 1e-9) if pace.total else 0
+        seconds = time.monotonic() - pace.start
+        if said < tenths < 10 and seconds > LONG:
             said = tenths
-            left = f", {_clock(seconds * (total / part - 1.0))} left" if timed and total else ""
-            told = f"{10 * tenths} % done after {_clock(seconds)} min{left}, {text}"
-            print(f"steer-env: {told}", file=sys.stderr, flush=True)
+            rest = "" if left is None else f", {_clock(left)} left"
+            tell(f"{10 * tenths} % done after {_clock(seconds)} min{rest}, {text}")
 
-    return notify
+    first = threading.Timer(LONG, tell, [what])
+    first.daemon = True
+    first.start()
+    try:
+        yield notify
+    finally:
+        first.cancel()
 
 
 def _clock(seconds: float) -> str:
@@ -72,39 +102,27 @@ def _clock(seconds: float) -> str:
 
 
 @contextmanager
-def progress(what: str, total: float | None = 1.0, timed: bool = False) -> Iterator[Callable[[float, str], None]]:
+def progress(what: str, total: float | None = 1.0) -> Iterator[Callable[[float, str], None]]:
     """A progress bar on standard error, or a line for every tenth of long work if that is no terminal.
 
-    Yields a function of the part that is done and of what comes next. The bar tells the time so far, and the time left
-    as far as it can be told; without a total it only moves, and there are no lines. Where the parts are ``timed``, they
-    are those of the time.
+    Yields a function of the part that is done and of what comes next. Both tell the time so far, and the time left as
+    far as it can be told; without a total the bar only moves, and one line says what is done.
     """
     from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        Progress,
-        ProgressColumn,
-        Task,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-    from rich.text import Text
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    class Left(ProgressColumn):
-        """The time left by the part of the time that is over; the other column has the speed of the last seconds."""
-
-        def render(self, task: Task) -> Text:
-            part, over = task.percentage / 100.0, task.elapsed or 0.0
-            return Text(_clock(over / part - over) if part else "-:--", style="progress.remaining")
-
-    console = Console(stderr=True)
+    console, pace = Console(stderr=True), _Pace(total)
     if not console.is_terminal:
-        yield _lines(total, timed)
+        with _lines(what, pace) as notify:
+            yield notify
         return
-    columns: list[ProgressColumn] = [TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()]
-    if total is not None:
-        columns += [TextColumn("left"), Left() if timed else TimeRemainingColumn()]
+    rest = TextColumn("left {task.fields[left]}", style="progress.remaining")
+    columns = [TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), *([rest] if total else [])]
     with Progress(*columns, console=console, transient=True) as shown:
-        task = shown.add_task(what, total=total)
-        yield lambda part, text: shown.update(task, completed=part, description=text)
+        task = shown.add_task(what, total=total, left="-:--")
+
+        def update(part: float, text: str) -> None:
+            left = pace.left(part)
+            shown.update(task, completed=part, description=text, left="-:--" if left is None else _clock(left))
+
+        yield update

@@ -17,7 +17,7 @@ from steer_env.experiments.pages.metrics_json import entries
 from steer_env.experiments.pages.pages import LIVE, Beside, Page, image, place
 from steer_env.experiments.pages.style import kept
 from steer_env.experiments.reports import report_findings
-from steer_env.experiments.reports.report_results import Drives, Notify, Results, Scope, collect
+from steer_env.experiments.reports.report_results import TIMED, Drives, Notify, Results, Scope, collect
 from steer_env.experiments.studies import friction_laws, loop_width, real_time, vehicle
 from steer_env.experiments.studies.common import battery, computing_time
 from steer_env.experiments.sweep import Runner, run
@@ -268,7 +268,7 @@ def build(
     kept = provenance.trace(car=scope.loaded(), friction=laws) if trace is None else trace
     with replaced_directory(Path(out), CONTENTS) as part:
         results = collect(laws, scope, notify, sweep)
-        notify(0.96, "drawing")
+        notify(TIMED, "drawing")
         source = provenance_of(results)
         numbers = {"metrics.json": metrics_json(results, source, look)}
         place(part, page_of(results, source, look), numbers, kept, beside)

@@ -1,6 +1,8 @@
 """Everything that the report rests on, computed as one sweep; no text or picture is made here."""
 
+import pickle
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -17,10 +19,14 @@ from steer_env.experiments.sweep import Runner, run
 from steer_env.friction.law import law_of
 from steer_env.friction.sites import Sites
 from steer_env.manoeuvres import Manoeuvre
+from steer_env.manoeuvres.common import driving
 from steer_env.recording.recording import Recording
 from steer_env.vehicle import cars
 
 Notify = Callable[[float, str], None]  # gets the part that is done and what comes next
+
+# Parts of the time after which all is driven and timed; what comes then is drawn [1].
+SWEPT, TIMED = 0.78, 0.88
 
 # Every scripted manoeuvre, those for on-centre feel first.
 _FIRST = ("weave", "slow-ramp")
@@ -82,10 +88,25 @@ class Results(NamedTuple):
     chassis: str | None = None  # file of the external vehicle that drove the tests
 
 
+LIKE = "lugre"  # with its default parameters, whose amplitudes lie near those of any law
+_near: dict[bytes, driving.Found] = {}  # of this process
+
+
 def _drive(car: cars.Car, manoeuvre: Manoeuvre, p: Any, chassis: str | None) -> Recording:
-    """Drive a manoeuvre, with an external vehicle where one is given."""
+    """Drive a manoeuvre, with an external vehicle where one is given.
+
+    Without one, the search for an amplitude begins at that of one and the same law. Every process looks for that by
+    itself, so that no result depends on where a case runs.
+    """
     if chassis is None:
-        return manoeuvres.drive(car, manoeuvre, p)
+        if manoeuvre.lateral_acceleration is None or manoeuvre.amplitude is not None:
+            return manoeuvres.drive(car, manoeuvre, p)
+        key = pickle.dumps((car, manoeuvre.name, manoeuvre.speed, manoeuvre.lateral_acceleration))
+        if key not in _near:
+            with suppress(ValueError):
+                q = driving.build_plant(car, manoeuvre, LIKE)
+                _near[key] = driving.find_amplitude(q, manoeuvre)
+        return manoeuvres.drive(car, manoeuvre, p, near=_near.get(key, driving.FAR))
     with external.opened(chassis, manoeuvre.speed) as simulator:
         return manoeuvres.drive(car, manoeuvre, p, simulator)
 
@@ -162,7 +183,7 @@ def collect(laws: dict[str, Any], scope: Scope, notify: Notify, sweep: Runner = 
     car = scope.loaded()
     base = "lugre" if "lugre" in laws else next(iter(laws))
     parts = _parts(laws, base, car, scope)
-    results = sweep(_computed, parts, notify=lambda part, text: notify(0.75 * part, text), words=_in_words)
+    results = sweep(_computed, parts, notify=lambda part, text: notify(SWEPT * part, text), words=_in_words)
     found = {(part.name, part.of): result for part, result in zip(parts, results)}
     of_law: dict[str, LawResult] = {law: found["law", law] for law in laws}
     fits = {law: fit for (name, law), fit in found.items() if name == "fitted" and fit[1]}
@@ -180,7 +201,7 @@ def collect(laws: dict[str, Any], scope: Scope, notify: Notify, sweep: Runner = 
         torques={law: of_law[law].torques for law in laws},
         held=[test for law in laws for test in of_law[law].held],
         tables={law: of_law[law].rows for law in laws if of_law[law].rows},
-        times=computing_time.of_laws(laws, car, lambda part: notify(0.75 + 0.2 * part, "timing")),
+        times=computing_time.of_laws(laws, car, lambda part: notify(SWEPT + (TIMED - SWEPT) * part, "timing")),
         vehicle=found.get(("full vehicle", None)),
         loop_width=found.get(("loop widths", None)),
         chassis=scope.chassis,

@@ -4,6 +4,7 @@ import csv
 import json
 import os
 import re
+import threading
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -238,13 +239,31 @@ def test_long_work_without_a_terminal_says_every_tenth_part(capsys, monkeypatch)
     with options.progress("driving", 50) as notify:
         for k in range(51):
             notify(k, f"case {k}")
-    lines = capsys.readouterr().err.splitlines()
+    lines = [line for line in capsys.readouterr().err.splitlines() if line != "steer-env: driving"]
     assert len(lines) == 9
-    assert re.fullmatch(r"steer-env: 10 % done after 0:0\d min, case 5", lines[0])
+    assert re.fullmatch(r"steer-env: 10 % done after 0:0\d min, 0:0\d left, case 5", lines[0])
     monkeypatch.setattr(options, "LONG", 1000.0)
     with options.progress("driving") as notify:
         notify(0.5, "more")
     assert capsys.readouterr().err == ""
+
+
+def test_long_work_says_soon_what_it_does_and_how_long_the_rest_takes(capsys, monkeypatch):
+    """Of twenty equal parts, before which as much time goes by as ten of them take, as where kernels are compiled."""
+    now = 0.0
+    monkeypatch.setenv("STEER_ENV_QUIET", "0")
+    monkeypatch.setattr(options, "LONG", 0.01)
+    monkeypatch.setattr(options.time, "monotonic", lambda: now)
+    with options.progress("compiling and driving") as notify:
+        told = threading.Event()
+        told.wait(0.3)
+        for k in range(1, 21):
+            now = 10.0 + k
+            notify(k / 20, f"case {k}")
+    first, *lines = capsys.readouterr().err.splitlines()
+    assert first == "steer-env: compiling and driving"
+    minutes = [re.search(r"after (\S+) min, (\S+) left", line).groups() for line in lines]
+    assert minutes == [(f"0:{10 + k:02d}", f"0:{20 - k:02d}") for k in range(2, 20, 2)]
 
 
 def test_curves_that_coincide_are_named():

@@ -1,6 +1,8 @@
 """Simulation of a manoeuvre: the plant that it needs, the amplitude of the hands, and the recording."""
 
+import math
 from collections.abc import Callable, Iterable
+from functools import partial
 from itertools import pairwise
 from typing import Any, NamedTuple, Protocol
 
@@ -9,6 +11,7 @@ from numpy.typing import NDArray
 
 from steer_env.courses.iso3888 import outline
 from steer_env.friction.numerics.check import positive
+from steer_env.friction.numerics.kernel import bind
 from steer_env.friction.numerics.packing import leaves
 from steer_env.friction.sites import named
 from steer_env.manoeuvres.common.definition import Manoeuvre
@@ -22,6 +25,7 @@ from steer_env.vehicle.steering.eps import SAMPLE_TIME, without_assist
 
 Array = NDArray[np.float64]
 HOLD = 10  # samples between two calls of a driver
+CLOSE = 1e-5  # error of the lateral acceleration that is reached [1]
 _RESPONSE = ("handwheel_torque", "lateral_speed", "yaw_rate")
 REGRIP = 1.0  # time after which a robot that grips again has its prescribed angle, assumed [s]
 
@@ -68,8 +72,15 @@ class WholeCar:
         return plant.settled(p)
 
     def run(self, p: plant.Plant, state: Array, inputs: Array, record: Array, substeps: int) -> bool:
-        """As :func:`steer_env.vehicle.plant.run`."""
-        return plant.run(p, state, inputs, record, substeps)
+        """As :func:`steer_env.vehicle.plant.run`, with contiguous arrays; a plant that runs again is not bound anew."""
+        of, kernel = self._bound
+        if of is not p:
+            made = plant.bound(p)
+            kernel = partial(bind(plant.run, made, state, inputs, record, substeps), made)
+            self._bound = p, kernel
+        return kernel(state, inputs, record, substeps)
+
+    _bound: tuple[Any, Callable] = None, plant.run
 
     def about(self, car: Car) -> dict[str, Any]:
         """The geometry and the limits of the motor, which metrics need."""
@@ -108,8 +119,20 @@ def inputs(manoeuvre: Manoeuvre, amplitude: float, duration: float) -> Array:
     return u
 
 
-def find_amplitude(p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator = OWN) -> float:
-    """Handwheel amplitude that reaches the manoeuvre's lateral acceleration [rad].
+class Found(NamedTuple):
+    """An amplitude that reaches a lateral acceleration."""
+
+    amplitude: float  # of the handwheel angle [rad]
+    growth: float  # of the logarithm of the acceleration with that of the amplitude [1]
+
+
+FAR = Found(0.2, 1.0)  # of an acceleration that is proportional to the amplitude, as it nearly is
+
+
+def find_amplitude(p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator = OWN, near: Found = FAR) -> Found:
+    """Handwheel amplitude that reaches the manoeuvre's lateral acceleration.
+
+    The search goes by secants over logarithms; it begins ``near`` what was found for a car that differs little.
 
     Raises
     ------
@@ -117,17 +140,20 @@ def find_amplitude(p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator = 
         If the car does not reach that acceleration.
     """
     target = positive("lateral_acceleration", manoeuvre.lateral_acceleration)
-    amplitude = 0.2
-    for _ in range(10):  # the response is nearly proportional, so each round removes most of the error
+    (amplitude, growth), tried = near, None
+    for _ in range(10):
         u = inputs(manoeuvre, amplitude, manoeuvre.trial or manoeuvre.duration)
         record = run(p, manoeuvre, u, simulator=simulator)
         reached = manoeuvre.reach(record[:, plant.CHANNEL["lateral_acceleration"]])
-        if abs(reached / target - 1.0) < 1e-5:
-            return amplitude
-        if reached == 0.0:
+        if not reached / target > 0.0:
             break
-        amplitude *= target / reached
-        if not 0.0 < amplitude < 6.0:
+        error, place = math.log(reached / target), math.log(amplitude)
+        if tried:
+            growth = min(max((error - tried[0]) / (place - tried[1]), 0.5), 2.0)
+        if abs(error) < CLOSE:
+            return Found(amplitude, growth)
+        tried, amplitude = (error, place), amplitude * math.exp(-error / growth)
+        if not amplitude < 6.0:
             break
     text = f"{manoeuvre.name}: no handwheel amplitude reaches {target:g} m/s2 at {manoeuvre.speed:g} m/s"
     raise ValueError("; ".join([text, *_unstable(p, manoeuvre, [manoeuvre.speed])]))
@@ -152,10 +178,10 @@ def _reached(p: plant.Plant, speeds: Array) -> Array:
     return np.array([low, *p.assist.speeds[(p.assist.speeds > low) & (p.assist.speeds < high)], high])
 
 
-def _amplitude(p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator) -> float:
+def _amplitude(p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator, near: Found) -> float:
     if manoeuvre.amplitude is not None:
         return manoeuvre.amplitude
-    return p.rack_limit / p.pinion_radius if manoeuvre.lock else find_amplitude(p, manoeuvre, simulator)
+    return p.rack_limit / p.pinion_radius if manoeuvre.lock else find_amplitude(p, manoeuvre, simulator, near).amplitude
 
 
 def _text(value: Any) -> str:
@@ -292,7 +318,9 @@ def _regripped(u: Array, angle: float, speed: float) -> Array:
     return u
 
 
-def drive(car: Car, manoeuvre: Manoeuvre, friction: Any = None, simulator: Simulator = OWN) -> Recording:
+def drive(
+    car: Car, manoeuvre: Manoeuvre, friction: Any = None, simulator: Simulator = OWN, near: Found = FAR
+) -> Recording:
     """Drive a manoeuvre and record every channel at 1 kHz.
 
     Parameters
@@ -304,6 +332,8 @@ def drive(car: Car, manoeuvre: Manoeuvre, friction: Any = None, simulator: Simul
     simulator : Simulator
         What runs the plant: the kernels of this project, or its steering with an external vehicle, as
         ``steer_env.connect.external.opened`` makes it.
+    near : Found
+        Where the search for an amplitude begins (:func:`find_amplitude`).
 
     Returns
     -------
@@ -318,7 +348,7 @@ def drive(car: Car, manoeuvre: Manoeuvre, friction: Any = None, simulator: Simul
         simulator lacks an input or a channel that the manoeuvre needs.
     """
     manoeuvre = simulator.suited(manoeuvre)
-    return drive_plant(car, build_plant(car, manoeuvre, friction), manoeuvre, simulator=simulator)
+    return drive_plant(car, build_plant(car, manoeuvre, friction), manoeuvre, simulator=simulator, near=near)
 
 
 class OpenLoop(NamedTuple):
@@ -329,9 +359,9 @@ class OpenLoop(NamedTuple):
     straight: Array  # (S,) state of straight running
 
 
-def open_loop(p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator = OWN) -> OpenLoop:
+def open_loop(p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator = OWN, near: Found = FAR) -> OpenLoop:
     """The inputs of a manoeuvre; ValueError where no amplitude reaches its lateral acceleration."""
-    amplitude = _amplitude(p, manoeuvre, simulator)
+    amplitude = _amplitude(p, manoeuvre, simulator, near)
     return OpenLoop(amplitude, inputs(manoeuvre, amplitude, manoeuvre.duration), simulator.settled(p)[0])
 
 
@@ -342,6 +372,7 @@ def drive_plant(
     prepared: OpenLoop | None = None,
     substeps: int = 1,
     simulator: Simulator = OWN,
+    near: Found = FAR,
 ) -> Recording:
     """:func:`drive` with a plant from :func:`build_plant`, whose parameters may have been changed.
 
@@ -350,6 +381,8 @@ def drive_plant(
     whole car, plant and manoeuvre are those of its ``suited``.
     """
     _require_stable(p, manoeuvre, [manoeuvre.speed])
+    if manoeuvre.driver is None:
+        prepared = prepared or open_loop(p, manoeuvre, simulator, near)
     record, steered, advice = _driven(car, p, manoeuvre, prepared, substeps, simulator)
     names = simulator.channels(p)
     channels = {names[i][0]: record[:, i] for i in _given(record)}
@@ -389,15 +422,15 @@ def _given(record: Array) -> list[int]:
 
 
 def _driven(
-    car: Car, p: plant.Plant, manoeuvre: Manoeuvre, prepared: OpenLoop | None, substeps: int, simulator: Simulator
+    car: Car, p: plant.Plant, manoeuvre: Manoeuvre, course: OpenLoop | None, substeps: int, simulator: Simulator
 ) -> tuple[Array, dict[str, float], str]:
     """Channels (T, C) of a manoeuvre, what the meta says of its hands, and advice for a car that spins."""
-    if manoeuvre.driver is not None:
+    if course is None:
         record, advice = run_closed(car, p, manoeuvre, substeps, simulator), "ask for less speed"
         if simulator is OWN and not np.isfinite(record[-1]).all():
             raise LostControlError(f"{manoeuvre.name} diverged: {advice}")
         return record, {f"vehicle_{key}_m": value for key, value in outline(car)._asdict().items()}, advice
-    amplitude, u, straight = prepared or open_loop(p, manoeuvre, simulator)
+    amplitude, u, straight = course
     record = run(p, manoeuvre, u, straight, substeps, simulator)
     if simulator is OWN and not np.isfinite(record[-1]).all():
         raise ValueError(f"{manoeuvre.name} diverged: {plant.first_non_finite(p, straight, u)} first")
