@@ -1,8 +1,6 @@
 """Everything that the report rests on, computed as one sweep; no text or picture is made here."""
 
-import pickle
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -19,7 +17,6 @@ from steer_env.experiments.sweep import Runner, run
 from steer_env.friction.law import law_of
 from steer_env.friction.sites import Sites
 from steer_env.manoeuvres import Manoeuvre
-from steer_env.manoeuvres.common import driving
 from steer_env.recording.recording import Recording
 from steer_env.vehicle import cars
 
@@ -88,25 +85,10 @@ class Results(NamedTuple):
     chassis: str | None = None  # file of the external vehicle that drove the tests
 
 
-LIKE = "lugre"  # with its default parameters, whose amplitudes lie near those of any law
-_near: dict[bytes, driving.Found] = {}  # of this process
-
-
 def _drive(car: cars.Car, manoeuvre: Manoeuvre, p: Any, chassis: str | None) -> Recording:
-    """Drive a manoeuvre, with an external vehicle where one is given.
-
-    Without one, the search for an amplitude begins at that of one and the same law. Every process looks for that by
-    itself, so that no result depends on where a case runs.
-    """
+    """Drive a manoeuvre, with an external vehicle where one is given."""
     if chassis is None:
-        if manoeuvre.lateral_acceleration is None or manoeuvre.amplitude is not None:
-            return manoeuvres.drive(car, manoeuvre, p)
-        key = pickle.dumps((car, manoeuvre.name, manoeuvre.speed, manoeuvre.lateral_acceleration))
-        if key not in _near:
-            with suppress(ValueError):
-                q = driving.build_plant(car, manoeuvre, LIKE)
-                _near[key] = driving.find_amplitude(q, manoeuvre)
-        return manoeuvres.drive(car, manoeuvre, p, near=_near.get(key, driving.FAR))
+        return battery.recording(car, manoeuvre, p)
     with external.opened(chassis, manoeuvre.speed) as simulator:
         return manoeuvres.drive(car, manoeuvre, p, simulator)
 

@@ -1,7 +1,9 @@
 """The test battery of the report: each manoeuvre with each law, and how the metrics of the laws differ."""
 
 import math
+import pickle
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,6 +12,7 @@ from numpy.typing import NDArray
 from steer_env import manoeuvres, metrics
 from steer_env.experiments.pages.plots import thinned
 from steer_env.experiments.studies.common import simulation_vs_measurement
+from steer_env.manoeuvres.common import driving
 from steer_env.metrics import RefusedError, Value
 from steer_env.metrics.common import just_noticeable
 from steer_env.metrics.common.confidence import difference as gap_between
@@ -39,16 +42,35 @@ class Drive(NamedTuple):
     failure: str = ""  # why the test could not be driven
 
 
+LIKE = "lugre"  # with its default parameters, whose amplitudes lie near those of any law
+_near: dict[bytes, driving.Found] = {}  # of this process
+
+
+def recording(car: Car, manoeuvre: manoeuvres.Manoeuvre, p: Any) -> Recording:
+    """Drive a manoeuvre, as :func:`steer_env.manoeuvres.drive` does.
+
+    The search for an amplitude begins at that of one and the same law, which every process looks for by itself, so that
+    no result depends on where and after what it is computed.
+    """
+    if manoeuvre.lateral_acceleration is None or manoeuvre.amplitude is not None:
+        return manoeuvres.drive(car, manoeuvre, p)
+    key = pickle.dumps((car, manoeuvre.name, manoeuvre.speed, manoeuvre.lateral_acceleration))
+    if key not in _near:
+        with suppress(ValueError):
+            _near[key] = driving.find_amplitude(driving.build_plant(car, manoeuvre, LIKE), manoeuvre)
+    return manoeuvres.drive(car, manoeuvre, p, near=_near.get(key, driving.FAR))
+
+
 def drive(
     car: Car,
     p: Any,
     test: str,
     options: Mapping[str, Any] | None = None,
-    run: Callable[[Car, manoeuvres.Manoeuvre, Any], Recording] = manoeuvres.drive,
+    run: Callable[[Car, manoeuvres.Manoeuvre, Any], Recording] = recording,
 ) -> Drive:
     """Drive a test and evaluate its metrics; every metric of a test that cannot be driven carries the reason.
 
-    ``run`` drives a manoeuvre, as :func:`steer_env.manoeuvres.drive` does.
+    ``run`` drives a manoeuvre.
     """
     try:
         recording = run(car, manoeuvres.make(test, **(options or {})), p)
