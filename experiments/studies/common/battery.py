@@ -46,19 +46,23 @@ LIKE = "lugre"  # with its default parameters, whose amplitudes lie near those o
 _near: dict[bytes, driving.Found] = {}  # of this process
 
 
-def recording(car: Car, manoeuvre: manoeuvres.Manoeuvre, p: Any) -> Recording:
-    """Drive a manoeuvre, as :func:`steer_env.manoeuvres.drive` does.
+def near(car: Car, manoeuvre: manoeuvres.Manoeuvre) -> driving.Found | None:
+    """Where the search for an amplitude begins, whatever the law.
 
-    The search for an amplitude begins at that of one and the same law, which every process looks for by itself, so that
-    no result depends on where and after what it is computed.
+    Every process looks for it by itself, so that no result depends on where and after what it is computed.
     """
     if manoeuvre.lateral_acceleration is None or manoeuvre.amplitude is not None:
-        return manoeuvres.drive(car, manoeuvre, p)
+        return None
     key = pickle.dumps((car, manoeuvre.name, manoeuvre.speed, manoeuvre.lateral_acceleration))
     if key not in _near:
         with suppress(ValueError):
             _near[key] = driving.find_amplitude(driving.build_plant(car, manoeuvre, LIKE), manoeuvre)
-    return manoeuvres.drive(car, manoeuvre, p, near=_near.get(key, driving.FAR))
+    return _near.get(key)
+
+
+def recording(car: Car, manoeuvre: manoeuvres.Manoeuvre, p: Any) -> Recording:
+    """Drive a manoeuvre, as :func:`steer_env.manoeuvres.drive` does."""
+    return manoeuvres.drive(car, manoeuvre, p, near=near(car, manoeuvre))
 
 
 def drive(

@@ -137,7 +137,7 @@ def recording(case: Case, car: Car, manoeuvre: manoeuvres.Manoeuvre, p: Any) -> 
     whole = step_limit.checked(whole._replace(level=level))
     if not case.assist:
         whole = whole._replace(assist=without_assist(whole.assist))
-    found = drive_plant(car, whole, manoeuvre, substeps=case.substeps)
+    found = drive_plant(car, whole, manoeuvre, substeps=case.substeps, near=battery.near(car, manoeuvre))
     if case.above is None:
         return found
     if not manoeuvre.robot or manoeuvre.released:

@@ -126,13 +126,13 @@ class Found(NamedTuple):
     growth: float  # of the logarithm of the acceleration with that of the amplitude [1]
 
 
-FAR = Found(0.2, 1.0)  # of an acceleration that is proportional to the amplitude, as it nearly is
-
-
-def find_amplitude(p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator = OWN, near: Found = FAR) -> Found:
+def find_amplitude(
+    p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator = OWN, near: Found | None = None
+) -> Found:
     """Handwheel amplitude that reaches the manoeuvre's lateral acceleration.
 
-    The search goes by secants over logarithms; it begins ``near`` what was found for a car that differs little.
+    The response is nearly proportional, so each round removes most of the error. A search that begins ``near`` what was
+    found for a car that differs little goes by secants over logarithms.
 
     Raises
     ------
@@ -140,19 +140,20 @@ def find_amplitude(p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator = 
         If the car does not reach that acceleration.
     """
     target = positive("lateral_acceleration", manoeuvre.lateral_acceleration)
-    (amplitude, growth), tried = near, None
+    (amplitude, growth), tried = near or (0.2, 1.0), None
     for _ in range(10):
         u = inputs(manoeuvre, amplitude, manoeuvre.trial or manoeuvre.duration)
         record = run(p, manoeuvre, u, simulator=simulator)
         reached = manoeuvre.reach(record[:, plant.CHANNEL["lateral_acceleration"]])
         if not reached / target > 0.0:
             break
-        error, place = math.log(reached / target), math.log(amplitude)
+        point = math.log(reached), math.log(amplitude)
         if tried:
-            growth = min(max((error - tried[0]) / (place - tried[1]), 0.5), 2.0)
-        if abs(error) < CLOSE:
+            growth = min(max((point[0] - tried[0]) / (point[1] - tried[1]), 0.5), 2.0)
+        if abs(reached / target - 1.0) < CLOSE:
             return Found(amplitude, growth)
-        tried, amplitude = (error, place), amplitude * math.exp(-error / growth)
+        tried = point
+        amplitude *= (target / reached) ** (1.0 / growth if near else 1.0)
         if not amplitude < 6.0:
             break
     text = f"{manoeuvre.name}: no handwheel amplitude reaches {target:g} m/s2 at {manoeuvre.speed:g} m/s"
@@ -319,7 +320,7 @@ def _regripped(u: Array, angle: float, speed: float) -> Array:
 
 
 def drive(
-    car: Car, manoeuvre: Manoeuvre, friction: Any = None, simulator: Simulator = OWN, near: Found = FAR
+    car: Car, manoeuvre: Manoeuvre, friction: Any = None, simulator: Simulator = OWN, near: Found | None = None
 ) -> Recording:
     """Drive a manoeuvre and record every channel at 1 kHz.
 
@@ -332,7 +333,7 @@ def drive(
     simulator : Simulator
         What runs the plant: the kernels of this project, or its steering with an external vehicle, as
         ``steer_env.connect.external.opened`` makes it.
-    near : Found
+    near : Found, optional
         Where the search for an amplitude begins (:func:`find_amplitude`).
 
     Returns
@@ -359,7 +360,7 @@ class OpenLoop(NamedTuple):
     straight: Array  # (S,) state of straight running
 
 
-def open_loop(p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator = OWN, near: Found = FAR) -> OpenLoop:
+def open_loop(p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator = OWN, near: Found | None = None) -> OpenLoop:
     """The inputs of a manoeuvre; ValueError where no amplitude reaches its lateral acceleration."""
     amplitude = _amplitude(p, manoeuvre, simulator, near)
     return OpenLoop(amplitude, inputs(manoeuvre, amplitude, manoeuvre.duration), simulator.settled(p)[0])
@@ -372,7 +373,7 @@ def drive_plant(
     prepared: OpenLoop | None = None,
     substeps: int = 1,
     simulator: Simulator = OWN,
-    near: Found = FAR,
+    near: Found | None = None,
 ) -> Recording:
     """:func:`drive` with a plant from :func:`build_plant`, whose parameters may have been changed.
 
