@@ -179,7 +179,7 @@ def _reached(p: plant.Plant, speeds: Array) -> Array:
     return np.array([low, *p.assist.speeds[(p.assist.speeds > low) & (p.assist.speeds < high)], high])
 
 
-def _amplitude(p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator, near: Found) -> float:
+def _amplitude(p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator, near: Found | None) -> float:
     if manoeuvre.amplitude is not None:
         return manoeuvre.amplitude
     return p.rack_limit / p.pinion_radius if manoeuvre.lock else find_amplitude(p, manoeuvre, simulator, near).amplitude
