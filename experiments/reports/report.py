@@ -17,7 +17,7 @@ from steer_env.experiments.pages.metrics_json import entries
 from steer_env.experiments.pages.pages import LIVE, Beside, Page, image, place
 from steer_env.experiments.pages.style import kept
 from steer_env.experiments.reports import report_findings
-from steer_env.experiments.reports.report_results import TIMED, Drives, Notify, Results, Scope, collect
+from steer_env.experiments.reports.report_results import TIMED, Drives, Notify, Part, Results, Scope, base_of, collect
 from steer_env.experiments.studies import friction_laws, loop_width, real_time, vehicle
 from steer_env.experiments.studies.common import battery, computing_time
 from steer_env.experiments.sweep import Runner, run
@@ -129,8 +129,14 @@ def provenance_of(results: Results) -> dict[str, Any]:
     }
 
 
-def page_of(results: Results, source: dict[str, Any], look: Look = DEFAULT) -> Page:
-    """The page: what ``report.html.j2`` refers to by name, the numbers as ``r``."""
+def page_of(
+    results: Results, source: dict[str, Any], look: Look = DEFAULT, ahead: Mapping[str, "Plot"] | None = None
+) -> Page:
+    """The page: what ``report.html.j2`` refers to by name, the numbers as ``r``; ``ahead`` are plots that are drawn."""
+    plots_of = {
+        test: (ahead or {}).get(test) or plot(test, drives, results.base, look.full)
+        for test, drives in results.drives.items()
+    }
     feels = {test: report_findings.feel(results, test, look.noticed) for test in results.drives}
     terms = report_findings.terms(results, look.noticed)
     drawn = {**_first_pictures(results, terms, look.noticed), **_pictures(results)}
@@ -152,7 +158,7 @@ def page_of(results: Results, source: dict[str, Any], look: Look = DEFAULT) -> P
         "definitions": {name: metrics.definition(name) for test in results.drives for name in metrics.available(test)},
         "coincident": pictures.coincident(weave) if weave else [],
         "images": {name: image(svg) for name, svg in drawn.items()},
-        "plots": _plots(results, look.full),
+        "plots": {test: shown for test, shown in plots_of.items() if shown.html},
         "script": plots.script() if look.full else "",
         "wanted": targets.load(WANTED),
         "rate": targets.rating,
@@ -210,23 +216,19 @@ def _pictures(results: Results) -> dict[str, str]:
 class Plot(NamedTuple):
     """The plot of a test."""
 
-    html: str
+    html: str  # empty where no law was driven
     left_out: list[str]  # laws whose lines coincide with those of the base law in every panel
 
 
-def _plots(results: Results, full: bool) -> dict[str, Plot]:
-    """Plots by test, interactive on a full page; for loops also the torque of every law less the base law's."""
-    drawn = {}
-    for test, drives in results.drives.items():
-        curves = {law: drive.curves for law, drive in drives.items() if drive.curves}
-        pairs = metrics.evaluation_by_name(test).plots
-        shown, left_out = plots.without_coincident(plots.panels(curves, pairs), results.base)
-        if results.base in curves and "time" not in curves[results.base]:
-            torques = [pair for pair in pairs if pair[1] == TORQUE]
-            shown = shown[: len(torques)] + plots.apart(curves, results.base, torques)
-        if shown:
-            drawn[test] = Plot(plots.markup(shown, test, full), left_out)
-    return drawn
+def plot(test: str, drives: Mapping[str, battery.Drive], base: str, full: bool) -> Plot:
+    """The plot of a test, interactive on a full page; for loops also the torque of every law less the base law's."""
+    curves = {law: drive.curves for law, drive in drives.items() if drive.curves}
+    pairs = metrics.evaluation_by_name(test).plots
+    shown, left_out = plots.without_coincident(plots.panels(curves, pairs), base)
+    if base in curves and "time" not in curves[base]:
+        torques = [pair for pair in pairs if pair[1] == TORQUE]
+        shown = shown[: len(torques)] + plots.apart(curves, base, torques)
+    return Plot(plots.markup(shown, test, full), left_out)
 
 
 def build(
@@ -266,11 +268,17 @@ def build(
         If ``out`` holds other files, a manoeuvre cannot be driven, or the car was changed so that no car file makes it.
     """
     kept = provenance.trace(car=scope.loaded(), friction=laws) if trace is None else trace
+    drawn: dict[str, Plot] = {}
+
+    def draw(part: Part, result: Any) -> None:  # while other parts are computed
+        if part.name == "test":
+            drawn[part.of] = plot(part.of, result, base_of(laws), look.full)
+
     with replaced_directory(Path(out), CONTENTS) as part:
-        results = collect(laws, scope, notify, sweep)
+        results = collect(laws, scope, notify, sweep, draw)
         notify(TIMED, "drawing")
         source = provenance_of(results)
         numbers = {"metrics.json": metrics_json(results, source, look)}
-        place(part, page_of(results, source, look), numbers, kept, beside)
+        place(part, page_of(results, source, look, drawn), numbers, kept, beside)
     notify(1.0, "done")
     return results

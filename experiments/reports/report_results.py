@@ -58,9 +58,8 @@ class FittedLaws(NamedTuple):
 
 
 class LawResult(NamedTuple):
-    """Results of one law, except times."""
+    """Results of one law, except tests and times."""
 
-    drives: dict[str, battery.Drive]
     torques: dict[str, Any]  # of friction_laws.characteristics
     rows: list[real_time.Row]
     held: list[friction_laws.Held]
@@ -93,21 +92,22 @@ def _drive(car: cars.Car, manoeuvre: Manoeuvre, p: Any, chassis: str | None) -> 
         return manoeuvres.drive(car, manoeuvre, p, simulator)
 
 
-def _drives(scope: Scope, p: Any) -> dict[str, battery.Drive]:
+def _of_test(scope: Scope, test: str, laws: Mapping[str, Any]) -> dict[str, battery.Drive]:
     car, run = scope.loaded(), partial(_drive, chassis=scope.chassis)
-    return {test: battery.drive(car, p, test, options, run) for test, options in scope.tests.items()}
+    return {law: battery.drive(car, p, test, scope.tests[test], run) for law, p in laws.items()}
 
 
 def _fitted(scope: Scope, law: str) -> tuple[Judged, dict[str, battery.Drive]]:
     """A law that is fitted to the packaged measurement, and the tests with it; no tests where it cannot be fitted."""
     (found,) = friction_records.judge((friction_records.rig(), [law]))
-    return found, {} if found.parameters is None else _drives(scope, found.parameters)
+    if found.parameters is None:
+        return found, {}
+    return found, {test: _of_test(scope, test, {law: found.parameters})[law] for test in scope.tests}
 
 
 def _of_law(scope: Scope, p: Any, held: bool) -> LawResult:
     car, name = scope.loaded(), law_of(p).name
     return LawResult(
-        _drives(scope, p),
         friction_laws.characteristics(p),
         [] if isinstance(p, Sites) else real_time.accuracy(p, scope.steps),  # the other schemes know one contact
         friction_laws.held_torque(car, name) if held and not scope.chassis and name in friction_laws.HELD_LAWS else [],
@@ -118,13 +118,14 @@ class Part(NamedTuple):
     """A part of the results that a worker computes."""
 
     name: str  # of ``_PARTS``
-    of: Any  # the law, or the speed [km/h]; None where there is one only
+    of: Any  # the test, the law, or the speed [km/h]; None where there is one only
     arguments: tuple[Any, ...] = ()
 
 
 _PARTS: dict[str, Callable[..., Any]] = {
     "full vehicle": vehicle.collect,
     "loop widths": loop_width.collect,
+    "test": _of_test,
     "law": _of_law,
     "fitted": _fitted,
     "margins": assist_cells,
@@ -141,21 +142,34 @@ def _in_words(part: Part) -> str:
     return f"{part.name} {part.of}" if isinstance(part.of, str) else f"{part.name} at {part.of:g} km/h"
 
 
+def base_of(laws: Mapping[str, Any]) -> str:
+    """The law that others are compared with."""
+    return "lugre" if "lugre" in laws else next(iter(laws))
+
+
 def _parts(laws: dict[str, Any], base: str, car: cars.Car, scope: Scope) -> list[Part]:
-    """The parts of a report, those that take long first."""
+    """The parts of a report, those first that take long or of which there is something to draw."""
     first = {law_of(p).name: law for law, p in reversed(laws.items())}
     parts = [Part("full vehicle", None, (car, laws[base]))] if scope.vehicle else []
     if scope.widths:
         parts.append(Part("loop widths", None, ([car], ["lugre"], tuple(loop_width.TESTS), scope.widths)))
+    parts += [Part("test", test, (scope, test, laws)) for test in scope.tests]
     parts += [Part("law", law, (scope, p, first[law_of(p).name] == law)) for law, p in laws.items()]
     parts += [Part("fitted", law, (scope, law)) for law in friction_records.fittable(list(first))]
     return parts + [Part("margins", kph, (car, kph, list(laws.values()))) for kph in scope.speeds_kph]
 
 
-def collect(laws: dict[str, Any], scope: Scope, notify: Notify, sweep: Runner = run) -> Results:
+def collect(
+    laws: dict[str, Any],
+    scope: Scope,
+    notify: Notify,
+    sweep: Runner = run,
+    finished: Callable[[Part, Any], None] = lambda *_: None,
+) -> Results:
     """Run everything for the given laws (label -> parameters), as cases of a sweep.
 
-    Times are taken afterwards, in this process, when no worker of the sweep runs.
+    ``finished`` gets parts and what they hold as they come, but not those that the sweep has kept. Times are taken
+    afterwards, in this process, when no worker of the sweep runs.
 
     Raises
     ------
@@ -163,9 +177,15 @@ def collect(laws: dict[str, Any], scope: Scope, notify: Notify, sweep: Runner = 
         For an unknown car, or a manoeuvre that cannot be driven.
     """
     car = scope.loaded()
-    base = "lugre" if "lugre" in laws else next(iter(laws))
+    base = base_of(laws)
     parts = _parts(laws, base, car, scope)
-    results = sweep(_computed, parts, notify=lambda part, text: notify(SWEPT * part, text), words=_in_words)
+    results = sweep(
+        _computed,
+        parts,
+        notify=lambda part, text: notify(SWEPT * part, text),
+        words=_in_words,
+        finished=finished,
+    )
     found = {(part.name, part.of): result for part, result in zip(parts, results)}
     of_law: dict[str, LawResult] = {law: found["law", law] for law in laws}
     fits = {law: fit for (name, law), fit in found.items() if name == "fitted" and fit[1]}
@@ -174,7 +194,7 @@ def collect(laws: dict[str, Any], scope: Scope, notify: Notify, sweep: Runner = 
         base=base,
         car=car,
         manoeuvres={test: manoeuvres.make(test, **options) for test, options in scope.tests.items()},
-        drives={test: {law: of_law[law].drives[test] for law in laws} for test in scope.tests},
+        drives={test: found["test", test] for test in scope.tests},
         fitted=FittedLaws(
             {law: fit.parameters for law, (fit, _) in fits.items()},
             {test: {law: drives[test] for law, (_, drives) in fits.items()} for test in scope.tests},

@@ -31,7 +31,13 @@ class Runner(Protocol):
     """:func:`run` with its place and its store chosen, as functions take it that sweep."""
 
     def __call__(
-        self, function: Callable[[Any], Any], cases: Iterable[Any], *, notify: Notify = ..., words: Any = ...
+        self,
+        function: Callable[[Any], Any],
+        cases: Iterable[Any],
+        *,
+        notify: Notify = ...,
+        words: Any = ...,
+        finished: Callable[[Any, Any], None] = ...,
     ) -> list[Any]:
         """Results in the order of the cases."""
 
@@ -45,6 +51,7 @@ def run(
     notify: Notify = lambda *_: None,
     words: Callable[[Any], str] = str,
     modules: Iterable[str] = (),
+    finished: Callable[[Any, Any], None] = lambda *_: None,
 ) -> list[Any]:
     """Call a function with every case, and return the results in the order of the cases.
 
@@ -69,6 +76,8 @@ def run(
     modules : iterable of str
         Own modules that the results depend on beside that of the function, those of the cases' classes, those that have
         registered friction laws, and what these import. The workers import all of them before they read a case.
+    finished : (case, result) -> None
+        Gets what was not kept as it comes, and may work with it while others go on.
 
     Raises
     ------
@@ -95,6 +104,7 @@ def run(
             results[outcome.number] = pickle.loads(outcome.result)
             done += 1
             notify(done / total, f"{done} of {total}, {case}")
+            finished(cases[outcome.number], results[outcome.number])
     return results
 
 
