@@ -4,6 +4,8 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from steer_env import manoeuvres
 from steer_env.connect import external
 from steer_env.experiments.studies import friction_laws, loop_width, real_time, vehicle
@@ -132,6 +134,10 @@ _PARTS: dict[str, Callable[..., Any]] = {
 }
 
 
+# Times that they take with eleven laws, whereby the time left is told [s].
+_COST = {"full vehicle": 0.7, "loop widths": 4.0, "test": 1.2, "law": 0.6, "fitted": 2.5, "margins": 0.05}
+
+
 def _computed(part: Part) -> Any:
     return _PARTS[part.name](*part.arguments)
 
@@ -179,10 +185,13 @@ def collect(
     car = scope.loaded()
     base = base_of(laws)
     parts = _parts(laws, base, car, scope)
+    spent = np.cumsum([0.0, *(_COST[part.name] for part in parts)])
     results = sweep(
         _computed,
         parts,
-        notify=lambda part, text: notify(SWEPT * part, text),
+        notify=lambda done, text: notify(
+            SWEPT * float(np.interp(done, np.linspace(0.0, 1.0, spent.size), spent / spent[-1])), text
+        ),
         words=_in_words,
         finished=finished,
     )

@@ -88,7 +88,7 @@ def collect(car: Car, friction: Any) -> Study:
     """Drive the weaves and the parking with one friction law."""
     weave = manoeuvres.make("weave", cycles=4)
     single, two = (car.plant(friction, robot=True, chassis=chassis) for chassis in ("single_track", "two_track"))
-    amplitude = manoeuvres.find_amplitude(single, weave).amplitude
+    amplitude = manoeuvres.find_amplitude(single, weave)
     u = manoeuvres.inputs(weave, amplitude, weave.duration)
     period = round(1.0 / 0.2 / SAMPLE_TIME)
     plants = {"single track": single, "two tracks": two}

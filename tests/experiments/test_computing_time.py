@@ -67,7 +67,7 @@ def test_time_and_ratio_are_those_of_the_blocks():
 
 def test_a_ratio_keeps_where_the_machine_becomes_slower():
     """It becomes 10 % slower over the measurement, which no ratio shows."""
-    quiet, slower = Machine().measure(), Machine(seed=1, drift=0.2).measure()
+    quiet, slower = Machine().measure(), Machine(seed=1, drift=1.0).measure()
     for law in TRUE:
         assert slower.costs[law].ratio.median == pytest.approx(quiet.costs[law].ratio.median, rel=0.01)
     assert slower.costs["own"].ns.median > 1.02 * quiet.costs["own"].ns.median
@@ -81,7 +81,7 @@ def test_another_programs_share_of_the_processor_changes_no_time(waiting):
         assert busy.costs[law].ns.median == pytest.approx(quiet.costs[law].ns.median, rel=0.01)
 
 
-@pytest.mark.parametrize("disturbed", [{"waiting": 0.6}, {"noise": 0.5}, {"drift": 2.0}])
+@pytest.mark.parametrize("disturbed", [{"waiting": 0.6}, {"noise": 0.5}, {"drift": 12.0}])
 def test_nothing_is_shown_past_a_threshold(disturbed):
     found = Machine(**disturbed).measure()
     assert not found.load.small

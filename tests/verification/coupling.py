@@ -39,7 +39,7 @@ def rows() -> Iterator[Row]:
         with _served(car, law) as vehicle:
             weave = manoeuvres.make("weave", cycles=CYCLES)
             p = manoeuvres.build_plant(car, weave, law)
-            weave = replace(weave, amplitude=manoeuvres.find_amplitude(p, weave).amplitude)
+            weave = replace(weave, amplitude=manoeuvres.find_amplitude(p, weave))
             whole = metrics.evaluate(drive_plant(car, p, weave))
             for delay in (False, True) if law == LAWS[0] else (False,):
                 change, energy = _weave(car, law, weave, Coupled(vehicle, SPEED, Coupling(delay=delay)), whole)

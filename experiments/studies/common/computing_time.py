@@ -30,6 +30,7 @@ BASE = "lugre"  # the law over whose cost that of others is given
 COLUMN, CAR = "column", "car"  # a step of the column alone, and a sample of the whole car, both of 1 ms
 SCHEME = "midpoint"  # of the project
 ROUNDS, LEAST_ROUNDS = 200, 30
+NARROW = 0.02  # intervals of all ratios over the ratios, with which there are rounds enough, assumed [1]
 MOST_SECONDS = 20.0  # after which no round begins, unless there are too few [s]
 BLOCK = 1e6  # length of a block [ns]
 BARE_STEPS = 50_000  # of the bare loop, some tenths of a millisecond
@@ -149,13 +150,24 @@ def in_turns(
             notify(min(max((i + 1) / ROUNDS, spent), 1.0))
             if spent >= 1.0 and i + 1 >= LEAST_ROUNDS:
                 break
+            if (i + 1) % LEAST_ROUNDS == 0 and _width(_costs(times, base)) <= NARROW:
+                break
     quick, slow = np.percentile(beside, (100.0 - LATE, LATE))
-    costs = {
-        name: Cost(estimate(of), estimate([x / y for x, y in zip(of, times[base(name)])])) for name, of in times.items()
-    }
-    width = max((ratio.high - ratio.low) / ratio.median for _, ratio in costs.values())
+    costs = _costs(times, base)
+    width = _width(costs)
     load = Load(max(1.0 - sum(beside) / waited, 0.0), float(slow / quick - 1.0), width)
     return Measured(load, costs if load.small else {})
+
+
+def _costs(times: Mapping[K, Sequence[float]], base: Callable[[K], K]) -> dict[K, Cost]:
+    return {
+        name: Cost(estimate(of), estimate([x / y for x, y in zip(of, times[base(name)])])) for name, of in times.items()
+    }
+
+
+def _width(costs: Mapping[K, Cost]) -> float:
+    """The widest interval of a ratio, over the ratio [1]."""
+    return max((ratio.high - ratio.low) / ratio.median for _, ratio in costs.values())
 
 
 class Times(NamedTuple):

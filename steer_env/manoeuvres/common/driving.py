@@ -126,18 +126,22 @@ class Found(NamedTuple):
     growth: float  # of the logarithm of the acceleration with that of the amplitude [1]
 
 
-def find_amplitude(
-    p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator = OWN, near: Found | None = None
-) -> Found:
-    """Handwheel amplitude that reaches the manoeuvre's lateral acceleration.
-
-    The response is nearly proportional, so each round removes most of the error. A search that begins ``near`` what was
-    found for a car that differs little goes by secants over logarithms.
+def find_amplitude(p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator = OWN) -> float:
+    """Handwheel amplitude that reaches the manoeuvre's lateral acceleration [rad].
 
     Raises
     ------
     ValueError
         If the car does not reach that acceleration.
+    """
+    return search(p, manoeuvre, simulator).amplitude
+
+
+def search(p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator = OWN, near: Found | None = None) -> Found:
+    """What :func:`find_amplitude` finds, which raises the same.
+
+    The response is nearly proportional, so each round removes most of the error. A search that begins ``near`` what was
+    found for a car that differs little goes by secants over logarithms.
     """
     target = positive("lateral_acceleration", manoeuvre.lateral_acceleration)
     (amplitude, growth), tried = near or (0.2, 1.0), None
@@ -182,7 +186,7 @@ def _reached(p: plant.Plant, speeds: Array) -> Array:
 def _amplitude(p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator, near: Found | None) -> float:
     if manoeuvre.amplitude is not None:
         return manoeuvre.amplitude
-    return p.rack_limit / p.pinion_radius if manoeuvre.lock else find_amplitude(p, manoeuvre, simulator, near).amplitude
+    return p.rack_limit / p.pinion_radius if manoeuvre.lock else search(p, manoeuvre, simulator, near).amplitude
 
 
 def _text(value: Any) -> str:
@@ -334,7 +338,7 @@ def drive(
         What runs the plant: the kernels of this project, or its steering with an external vehicle, as
         ``steer_env.connect.external.opened`` makes it.
     near : Found, optional
-        Where the search for an amplitude begins (:func:`find_amplitude`).
+        Where the search for an amplitude begins (:func:`search`).
 
     Returns
     -------
