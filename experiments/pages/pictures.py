@@ -307,8 +307,8 @@ def weave(curves: Mapping[str, Mapping[str, Array]]) -> Figure:
 def coincident(curves: Mapping[str, Mapping[str, Array]]) -> list[str]:
     """The laws whose whole line in :func:`weave` lies within the width of a line from that of the first law."""
     lines = {law: np.column_stack((of[ANGLE], of[TORQUE])) for law, of in curves.items()}
-    first, *others = lines
-    return [law for law in others if coincide(lines[first], lines[law])]
+    (_, first), *others = lines.items()
+    return [law for (law, _), same in zip(others, coincide(first, [line for _, line in others])) if same]
 
 
 @styled

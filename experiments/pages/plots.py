@@ -93,15 +93,19 @@ def apart(curves: Mapping[str, Curves], base: str, pairs: Sequence[tuple[str, st
     return [panel._replace(y=panel.y.replace("[", f"less {base}'s [")) for panel in panels(moved, pairs)]
 
 
-def coincide(line: Array, other: Array) -> bool:
-    """Whether the whole of another line (m, 2) lies within the width of a line (n, 2) on a picture of that."""
-    if not (np.isfinite(line).all() and np.isfinite(other).all()):
-        return False
+def coincide(line: Array, others: Sequence[Array]) -> list[bool]:
+    """Whether the whole of each other line (m, 2) lies within the width of a line (n, 2) on a picture of that."""
+    if not np.isfinite(line).all():
+        return [False] * len(others)
     extent = np.ptp(line, axis=0)
     scale = np.where(extent > 0.0, extent, 1.0)
     dense = np.linspace(0.0, len(line) - 1.0, 20 * len(line))
     drawn = np.column_stack([np.interp(dense, np.arange(len(x)), x) for x in (line / scale).T])
-    return bool(cKDTree(drawn).query(other / scale)[0].max() < _WIDTH)
+    near = cKDTree(drawn)
+    return [
+        bool(np.isfinite(other).all() and near.query(other / scale, distance_upper_bound=_WIDTH)[0].max() < _WIDTH)
+        for other in others
+    ]
 
 
 def without_coincident(shown: Sequence[Panel], base: str) -> tuple[list[Panel], list[str]]:
@@ -109,7 +113,8 @@ def without_coincident(shown: Sequence[Panel], base: str) -> tuple[list[Panel], 
     kept = []
     for panel in shown:
         points = {line.label: np.column_stack((line.x, line.y)) for line in panel.lines}
-        lines = [line for line in panel.lines if line.label == base or not coincide(points[base], points[line.label])]
+        same = coincide(points[base], list(points.values()))
+        lines = [line for line, each in zip(panel.lines, same) if line.label == base or not each]
         kept.append(panel._replace(lines=lines))
     before, after = ({line.label: 0 for panel in of for line in panel.lines} for of in (shown, kept))
     return kept, [label for label in before if label not in after]

@@ -17,6 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import FuncFormatter
 
@@ -125,9 +126,20 @@ def colours(labels: Iterable[str]) -> list[str]:
     return [styles(labels)[label]["color"] for label in labels]
 
 
+class _Picture(Figure):
+    """A figure that ``savefig`` draws once; it would draw another one only to lay it out, and throw that away."""
+
+    def draw(self, renderer: Any) -> None:
+        """Lay the figure out where it has an engine for that, which ``savefig`` then takes away to draw it."""
+        if isinstance(engine := self.get_layout_engine(), ConstrainedLayoutEngine):
+            engine.execute(self)
+        else:
+            super().draw(renderer)
+
+
 def new_figure(width: float, height: float) -> Figure:
     """An empty figure of a size [inch]."""
-    return Figure(figsize=(width, height), layout="constrained")
+    return _Picture(figsize=(width, height), layout="constrained")
 
 
 def legend(figure: Figure, axes: Axes, columns: int | None = None) -> None:
@@ -251,14 +263,16 @@ def _rounded(place: re.Match[str]) -> str:
 
 def _stepwise(path: re.Match[str]) -> str:
     """A path in tenths of a point, every segment relative to the end of the one before it."""
-    text, last = "", np.zeros(2, int)
+    text, last = "", [0, 0]
     for command, numbers in _COMMAND.findall(path[1]):  # one for each segment
-        points = np.round(10.0 * np.array(numbers.split(), float)).astype(int).reshape(-1, 2)
-        steps = points if command == "M" else points - last
-        shown = " ".join(f"{0.1 * step:.1f}".removesuffix(".0") for step in steps.ravel())
-        text += (command if command == "M" else command.lower()) + re.sub(r"\b0\.", ".", shown).replace(" -", "-")
-        last = points[-1] if points.size else last  # a closed path begins anew with an M
-    return f'd="{text}"'
+        points = [round(10.0 * float(number)) for number in numbers.split()]
+        start = [0, 0] if command == "M" else last
+        steps = (place - start[i % 2] for i, place in enumerate(points))  # x and y in turn
+        shown = " ".join([f"{0.1 * step:.1f}".removesuffix(".0") for step in steps])
+        text += (command if command == "M" else command.lower()) + shown
+        last = points[-2:] or last  # a closed path begins anew with an M
+    short = re.sub(r"(?<!\d)0\.", ".", text).replace(" -", "-")
+    return f'd="{short}"'
 
 
 def _ungrouped(svg: str) -> str:
