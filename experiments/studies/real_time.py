@@ -34,16 +34,15 @@ def accuracy(p: Any, steps: tuple[float, ...] = STEPS) -> list[Row]:
     case = default_case(p)
     finest = steps[0]
     exact = reference(case, finest)
-    peaks = BLOWN_UP * np.abs(exact).max(), BLOWN_UP * np.abs(integrate(case, "midpoint", finest)[1]).max()
+    runs = {(scheme, h): integrate(case, scheme, h) for scheme in SCHEMES for h in steps}
+    peaks = BLOWN_UP * np.abs(exact).max(), BLOWN_UP * np.abs(runs["midpoint", finest][1]).max()
     rows = []
-    for scheme in SCHEMES:
-        for h in steps:
-            T_F, w = integrate(case, scheme, h)
-            bounded = bool(np.abs(T_F).max() <= peaks[0] and np.abs(w).max() <= peaks[1])  # false for NaN
-            with np.errstate(over="ignore", invalid="ignore"):
-                residual = T_F - exact.reshape(T_F.size, -1).mean(axis=1)
-                error = float(np.sqrt(np.mean(residual**2)) / np.abs(exact).max())
-            rows.append(Row(scheme, h, error if np.isfinite(error) else None, bounded))
+    for (scheme, h), (T_F, w) in runs.items():
+        bounded = bool(np.abs(T_F).max() <= peaks[0] and np.abs(w).max() <= peaks[1])  # false for NaN
+        with np.errstate(over="ignore", invalid="ignore"):
+            residual = T_F - exact.reshape(T_F.size, -1).mean(axis=1)
+            error = float(np.sqrt(np.mean(residual**2)) / np.abs(exact).max())
+        rows.append(Row(scheme, h, error if np.isfinite(error) else None, bounded))
     return rows
 
 

@@ -184,19 +184,19 @@ def reference(case: Case, h: float, tolerance: float = 1e-10) -> NDArray[np.floa
         parts = max(round(h / 2e-6), 5)
         fine, _ = integrate(case, "midpoint", h / parts)
         return fine.reshape(n, parts).mean(axis=1)
-    size = law_of(p).memory_size(p)
-    z_rate = np.zeros(size)
+    law, size = law_of(p), law_of(p).memory_size(p)
     omega = 2.0 * math.pi * case.frequency
 
     def derivative(t: float, x: NDArray) -> NDArray:
-        th1, v1, th2, v2 = x[:4]
-        memory = x[4 : 4 + size].copy()
-        T_F = torque(p, 1.0, memory, v2)
-        rate(p, 1.0, memory, v2, z_rate)
+        th1, v1, th2, v2 = x[:4].tolist()  # numbers of Python are quicker than numpy's
+        memory, change = x[4 : 4 + size].copy(), np.zeros(x.size)
+        T_F = law.torque(p, 1.0, memory, v2)
+        law.rate(p, 1.0, memory, v2, change[4 : 4 + size])
         bar = c.K_tb * (th1 - th2) + c.C_tb * (v1 - v2)
         a1 = (case.amplitude * math.sin(omega * t) - c.C1 * v1 - bar) / c.I1
         a2 = (bar - c.C2 * v2 - case.K_road * th2 - T_F) / c.I2
-        return np.concatenate(([v1, a1, v2, a2], z_rate, [T_F]))
+        change[:4], change[-1] = (v1, a1, v2, a2), T_F
+        return change
 
     nodes = np.linspace(0.0, n * h, n + 1)
     solution = solve_ivp(
