@@ -71,15 +71,15 @@ def branches_of(x: NDArray, T: NDArray, band: float) -> Branches:
 
 def turns_of(x: NDArray, band: float) -> list[int]:
     """Samples that bound the branches: the start of motion, the reversals and the end."""
-    turns = []
+    turns, values = [], x.tolist()
     side = low = high = 0
-    for i, value in enumerate(x.tolist()):
-        low = i if value < x[low] else low
-        high = i if value > x[high] else high
-        if side <= 0 and value - x[low] > band:
+    for i, value in enumerate(values):
+        low = i if value < values[low] else low
+        high = i if value > values[high] else high
+        if side <= 0 and value - values[low] > band:
             turns.append(low)
             side, high = 1, i
-        elif side >= 0 and x[high] - value > band:
+        elif side >= 0 and values[high] - value > band:
             turns.append(high)
             side, low = -1, i
     return [*turns, x.size - 1] if turns else [0, x.size - 1]

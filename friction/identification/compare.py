@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.friction.identification.determined import samples_per_count
-from steer_env.friction.identification.fit import Fit, Options, checked_order, fitted, prepared
+from steer_env.friction.identification.displacement import deviation_of
+from steer_env.friction.identification.fit import Fit, Options, checked_order, cleaned, fitted, prepared
 from steer_env.friction.identification.periods import moving
 from steer_env.friction.identification.position import NAMES
 from steer_env.friction.identification.record import Record, checked
@@ -145,7 +146,7 @@ def _first(record: Record, share: float) -> int:
 
 def remainder(record: Record, fit: Fit) -> NDArray[np.float64]:
     """What a law that was fitted leaves of the torque of a whole record (T,), law less record [N m]."""
-    clean = prepared(record, fit.inertia).record  # x freed of its noise, and without the torque of the inertia
+    clean = cleaned(record, deviation_of(record.x), fit.inertia)
     load = np.zeros(clean.x.size) if record.load is None else record.load
     scale: Any = 1.0 if fit.level is None else by_sample(fit.level, load, clean.x)
     return response(fit.parameters, clean.x, record.dt, scale) + fit.offset - clean.torque

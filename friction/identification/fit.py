@@ -186,10 +186,8 @@ def prepared(record: Record, inertia: float | None = 0.0) -> Prepared:
     """The noise of x removed, torque of inertia subtracted, branches and scales found; see :func:`fit`."""
     noise = deviation_of(record.x)
     refuse(record.x, record.torque, noise)
-    path = motion_of(record.x, noise)
-    mass = 0.0 if inertia is None else number("inertia", inertia, minimum=0.0)
-    T = record.torque - mass * _acceleration(path, record.dt) if mass else record.torque
-    clean = record._replace(x=path, torque=T)
+    clean = cleaned(record, noise, inertia)
+    path, T = clean.x, clean.torque
     branches = branches_of(path, T, max(SWING * float(np.ptp(path)), BAND * noise))
     level = 0.5 * branches.swing  # (F30)
     steps = np.abs(np.diff(path))
@@ -200,6 +198,14 @@ def prepared(record: Record, inertia: float | None = 0.0) -> Prepared:
     by_x = by_noise(path, noise, record.dt, level, length) if smoothed else 0.0
     own = own_noise(path, T, branches, by_x)
     return Prepared(clean, inertia, noise, by_x, own, branches, Scales(level, length, length / speed))
+
+
+def cleaned(record: Record, noise: float, inertia: float | None) -> Record:
+    """The record with x freed of noise of this deviation [rad], and without the torque of the inertia."""
+    path = motion_of(record.x, noise)
+    mass = 0.0 if inertia is None else number("inertia", inertia, minimum=0.0)
+    T = record.torque - mass * _acceleration(path, record.dt) if mass else record.torque
+    return record._replace(x=path, torque=T)
 
 
 def _acceleration(x: NDArray, dt: float) -> NDArray[np.float64]:

@@ -114,21 +114,19 @@ def descended(problem: Problem, space: Space, q: NDArray, loss_scale: float, *, 
     q = found.x.copy()
     q[: len(space.sought)] = space.coordinates(space.made(q[: len(space.sought)])[0])  # within what the law allows
     e = residuals(problem, space, q, prior)[:n]
-    return Optimum(q, float(found.cost), e, _jacobian(problem, space, q, loss_scale)[:n], loss_scale)
+    return Optimum(q, float(found.cost), e, _jacobian(problem, space, q, loss_scale, e), loss_scale)
 
 
-def _jacobian(problem: Problem, space: Space, q: NDArray, scale: float) -> NDArray[np.float64]:
-    """Derivatives of the weakened residuals, to the side that the law allows."""
-    n = len(space.sought)
-    first = residuals(problem, space, q, 0.0)
-    weight = _slope(first, scale)
+def _jacobian(problem: Problem, space: Space, q: NDArray, scale: float, e: NDArray) -> NDArray[np.float64]:
+    """Derivatives of the weakened residuals, which are ``e`` at ``q``, to the side that the law allows."""
+    n, weight = len(space.sought), _slope(e, scale)
     columns = []
     for i in range(q.size):
         step = np.zeros(q.size)
         step[i] = 1e-6 * max(1.0, abs(q[i]))
         if space.made((q + step)[:n])[1] > space.made((q - step)[:n])[1]:
             step = -step
-        columns.append(weight * (residuals(problem, space, q + step, 0.0) - first) / step[i])
+        columns.append(weight * (residuals(problem, space, q + step, 0.0)[: e.size] - e) / step[i])
     return np.column_stack(columns)
 
 
