@@ -25,6 +25,7 @@ from scipy.interpolate import PchipInterpolator
 from steer_env import friction, manoeuvres
 from steer_env.experiments.pages import pictures
 from steer_env.experiments.pages.options import progress
+from steer_env.experiments.studies.common import battery
 from steer_env.experiments.sweep import Runner, run
 from steer_env.friction import defaults
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE
@@ -97,9 +98,9 @@ def without_friction(recording: Recording, assist: Assist) -> Recording:
 def _drive(job: tuple[cars.Car, str, str, float]) -> dict[str, Width]:
     """Widths in one drive, by metric."""
     car, law, test, level = job
-    manoeuvre, cycles, kph = TESTS[test]
-    p = law_at(law, level)
-    whole = manoeuvres.drive(car, replace(manoeuvres.make(manoeuvre, cycles=cycles), speed=kph / 3.6), p)
+    name, cycles, kph = TESTS[test]
+    manoeuvre = replace(manoeuvres.make(name, cycles=cycles), speed=kph / 3.6)
+    whole = battery.recording(car, manoeuvre, law_at(law, level))
     loops = [Loops(r, r.meta, fewest=1) for r in (whole, without_friction(whole, car.assist))]
     return {
         metric: Width(level * defaults.F_C, *(share * float(loop.width(TORQUE, x).mean()) for loop in loops))
