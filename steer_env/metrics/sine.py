@@ -15,6 +15,7 @@ from steer_env.metrics.common import events, noise
 from steer_env.metrics.common.confidence import LEVEL
 from steer_env.metrics.common.definitions import Bounded, RefusedError, metric, register_evaluation
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE, YAW, FilteredChannels
+from steer_env.metrics.common.kept import kept
 from steer_env.recording.recording import Recording
 from steer_env.vehicle.constants import GRAVITY as G
 
@@ -56,6 +57,7 @@ class HalfWaves:
             raise RefusedError(f"no {FEWEST} half waves of {ANGLE} in a row: steer two cycles or more without a pause")
         self.bursts = whole
 
+    @kept
     def peaks(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         """Lag behind the handwheel's peak [s] and ratio to its height, for each half wave in the order of time."""
         values, found = self._smooth[name], []
@@ -119,6 +121,7 @@ class HalfWaves:
                 found.append(side * (np.interp(at, self.time, self.angle) - middle))
         return np.array(found)
 
+    @kept
     def peak_acceleration(self) -> float:
         """Mean peak of the lateral acceleration in the settled half waves [g]."""
         heights = np.array([half[1] for burst in self.bursts for half in burst])

@@ -99,6 +99,7 @@ class Steps:
 
         return self._each(channel, read)
 
+    @kept
     def peak(self, channel: str) -> np.ndarray:
         """Time of the peak [s] and its height over the steady value [1], (n, 2)."""
 
@@ -140,6 +141,7 @@ class Steps:
         below, above = (jump if jump > 3.0 * noise / -slope else 0.0 for jump in jumps)
         return Bounded(at - level / slope, below, above)
 
+    @kept
     def peak_acceleration(self) -> float:
         """Mean of the steady lateral accelerations, or of yaw rate times speed where that is not recorded [g]."""
         if AY in self._smooth:

@@ -16,6 +16,7 @@ import numpy as np
 from steer_env.metrics.common import ramps, straight
 from steer_env.metrics.common.definitions import RefusedError, metric, register_evaluation
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE, YAW, FilteredChannels
+from steer_env.metrics.common.kept import kept
 from steer_env.recording.recording import DEGREE, Recording
 from steer_env.vehicle.constants import GRAVITY as G
 
@@ -56,6 +57,7 @@ class Transitions:
         """What was found out about the sensors, in sentences."""
         return straight.notes(self._smooth.recording)
 
+    @kept
     def line(self, y: str, x: str, level: tuple[float, float]) -> np.ndarray:
         """Offset and slope (n, 2) of y over x while the lateral acceleration is in a range [SI].
 
@@ -93,6 +95,7 @@ class Transitions:
         offset, slope = self.line(name, AY, AT_1).T
         return offset + slope
 
+    @kept
     def peak_acceleration(self) -> float:
         """Mean over the ramps of the highest lateral acceleration [g]."""
         return float(np.mean([np.abs(self._smooth[AY][ramp.start : ramp.end]).max() for ramp in self.ramps])) / G

@@ -18,7 +18,7 @@ from steer_env.friction.numerics import toml
 from steer_env.friction.numerics.check import not_negative, one_of
 from steer_env.metrics import UNITS, ManoeuvreEvaluation, RefusedError
 from steer_env.metrics.common import straight
-from steer_env.metrics.common.filtered_channels import ANGLE
+from steer_env.metrics.common.filtered_channels import ANGLE, filtered_once
 from steer_env.recording.recording import Recording
 
 Array = NDArray[np.float64]
@@ -130,10 +130,9 @@ def curves(recording: Recording, evaluation: ManoeuvreEvaluation, **given: Any) 
                 continue
         return found
     present = sorted(names & recording.units.keys())
-    kept = Recording(recording.time, {n: recording[n] for n in present}, {n: recording.units[n] for n in present})
-    if kept.rate >= 4.0 * CUTOFF:
-        kept = kept.filtered(CUTOFF)
-    kept = kept.resampled(RATE)
+    fast = recording.rate >= 4.0 * CUTOFF
+    smooth = {n: filtered_once(recording, n, CUTOFF) if fast else recording[n] for n in present}
+    kept = Recording(recording.time, smooth, {n: recording.units[n] for n in present}).resampled(RATE)
     try:
         zeros = straight.zeros(recording)
     except RefusedError:  # told by zero_notes

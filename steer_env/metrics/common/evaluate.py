@@ -39,6 +39,7 @@ from steer_env.metrics.common.definitions import (
     evaluation_of,
 )
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, PLAUSIBLE, SPEED, TORQUE, YAW, DoubleFiltered
+from steer_env.metrics.common.kept import kept
 from steer_env.recording import driven
 from steer_env.recording.recording import DEGREE, Recording
 
@@ -99,6 +100,7 @@ def _remedy(name: str, unit: str) -> str:
     return f'check the unit of {name} in the file; a mapping corrects it, [channels.{name}] unit = "{unit}"'
 
 
+@kept
 def _size(recording: Recording, name: str) -> float:
     """Half the span of a channel [SI], without its outermost hundredths; 0 where the channel says nothing."""
     values = recording.channels.get(name, np.zeros(0))
@@ -170,8 +172,9 @@ def evaluate(
     reading = again(recording)
     repeats = _repeats(names, reading)
     filter_change: dict[str, float | None] = dict.fromkeys(names)
-    if intervals:
+    if intervals and not isinstance(reading, RefusedError):
         filtered_twice = DoubleFiltered(recording.time, recording.channels, recording.units, recording.meta)
+        vars(filtered_twice).update(vars(recording))  # with what is kept of the same channels
         others = _repeats(names, again(filtered_twice))
         filter_change = {name: _change(repeats[name], other) for name, other in others.items()}
     doubts = _declared(recording, timing, scale, again)

@@ -30,10 +30,12 @@ class FreeControl:
     def __init__(self, recording: Recording, conditions: object, kind: type[Releases | Pulses]) -> None:
         self.events = kind(recording, FREE)
 
+    @kept
     def peak_acceleration(self) -> float:
         """Largest lateral acceleration [g]."""
         return self.events.peak_acceleration()
 
+    @kept
     def excitation(self) -> np.ndarray:
         """Yaw rate (n,) that was held before a release, or the peak of the yaw rate from a pulse [rad/s]."""
         if isinstance(self.events, Releases):
@@ -46,6 +48,7 @@ class FreeControl:
         t, y = self.events.section(YAW, event, begin, end)
         return t, -y
 
+    @kept
     def residual(self, name: str) -> np.ndarray:
         """Mean (n,) of a channel from 3 to 4 s after each event; refused where the car still oscillates."""
         for k, size in enumerate(self.checked_excitation()):
@@ -63,6 +66,7 @@ class FreeControl:
             raise RefusedError(f"{YAW} runs against the hands: check the signs, a left turn is positive in both")
         return size
 
+    @kept
     def opposite(self) -> tuple[np.ndarray, np.ndarray]:
         """Time [s] and yaw rate [rad/s] of the first extreme to the other side, each (n,)."""
         self.checked_excitation()

@@ -5,7 +5,6 @@ at the same time as the unfiltered one.
 """
 
 from collections.abc import Callable
-from copy import copy
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from steer_env.metrics.common.definitions import RefusedError
 from steer_env.metrics.common.events import integral, runs
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE, FilteredChannels
-from steer_env.metrics.common.kept import kept
+from steer_env.metrics.common.kept import anew, kept
 from steer_env.recording.recording import Recording
 from steer_env.vehicle.constants import GRAVITY as G
 
@@ -106,10 +105,11 @@ class Releases(Events):
         return self._moved(-0.5 / self.smooth.recording.rate), self._moved(0.5 / self.smooth.recording.rate)
 
     def _moved(self, by: float) -> "Releases":
-        other = copy(self)
+        other = anew(self, "_integral")  # which the instant does not change
         other.start = self.start + by
         return other
 
+    @kept
     def held(self, name: str) -> Array:
         """Mean (n,) of a channel before the release; refused if it opposed the handwheel angle or was not steady."""
         now, earlier = self.mean(name, *BEFORE), self.mean(name, BEFORE[0] - 0.5, BEFORE[1] - 0.5)

@@ -165,9 +165,13 @@ class Passes:
         return np.array(found)
 
     @kept
+    def _curve(self, name: str) -> CubicSpline:
+        return CubicSpline(self._time, self._smooth[name])
+
+    @kept
     def _samples(self, name: str) -> list[tuple[Array, Array]]:
         """For each pass the instants [s] and the values of a channel, less its mean in straight running."""
-        curve, found = CubicSpline(self._time, self._smooth[name]), []
+        curve, found = self._curve(name), []
         for t in self._instants(LAG_STEP):
             before = (self._time >= t[0] + STRAIGHT[0]) & (self._time <= t[0] + STRAIGHT[1])
             if self._time[0] > t[0] + STRAIGHT[0] or before.sum() < 2:
@@ -219,7 +223,7 @@ class Passes:
 
         The handwheel speed is compared with the derivative of the handwheel angle.
         """
-        angle, other = (CubicSpline(self._time, self._smooth[key]) for key in (ANGLE, name))
+        angle, other = self._curve(ANGLE), self._curve(name)
         steering = angle.derivative() if name == RATE else angle
         found = []
         for t0, t1 in self.times:

@@ -1,5 +1,7 @@
 """How much of a low-passed channel is noise, estimated from the part that the low-pass removes."""
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
@@ -27,4 +29,10 @@ def in_band(channels: FilteredChannels, name: str, cutoff: float) -> float:
 
 def _gain(channels: FilteredChannels, cutoff: float) -> NDArray[np.float64]:
     """Gain of the low-pass, applied forwards and backwards, at frequencies up to half the sampling rate."""
-    return np.abs(signal.sosfreqz(low_pass(cutoff, channels.recording.rate), 4096)[1]) ** (2 * channels.passes)
+    return _response(cutoff, channels.recording.rate) ** (2 * channels.passes)
+
+
+@lru_cache(maxsize=64)
+def _response(cutoff: float, rate: float) -> NDArray[np.float64]:
+    """Gain of one application of the low-pass."""
+    return np.abs(signal.sosfreqz(low_pass(cutoff, rate), 4096)[1])

@@ -17,11 +17,12 @@ Identification, 2012, section 7.2; Efron, Tibshirani 1993, chapter 11.
 """
 
 from collections.abc import Callable, Mapping
+from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal, stats
+from scipy import fft, signal, stats
 
 from steer_env.metrics.common import events
 from steer_env.metrics.common.definitions import Doubt, RefusedError
@@ -124,10 +125,11 @@ class Spectra:
         if still.size:  # the drift of a sensor would dominate at low frequencies
             channel = channel - np.polyval(np.polyfit(time[still], channel[still], 1), time)
         found: list[Complex] = []
-        for segment in self._segments:
-            window, near, _ = self._weights(segment.stop - segment.start)
-            values = channel[segment] - channel[segment].mean()
-            found.append(np.fft.rfft(window * values)[:near])  # without padding, an offset does not leak
+        for size, alike in groupby(self._segments, lambda segment: segment.stop - segment.start):  # faster together
+            window, near, _ = self._weights(size)
+            values = np.array([channel[segment] for segment in alike])
+            values -= values.mean(axis=1, keepdims=True)
+            found.extend(fft.rfft(window * values)[:, :near])  # without padding, an offset does not leak
         return found
 
     @kept

@@ -14,6 +14,7 @@ from scipy.stats import norm
 from steer_env.metrics.common import ramps
 from steer_env.metrics.common.definitions import SPEED_SPREAD, Bounded, RefusedError, metric
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, ROLL, SPEED, TORQUE, YAW, FilteredChannels
+from steer_env.metrics.common.kept import kept
 from steer_env.metrics.common.noise import white
 from steer_env.recording.recording import Recording
 
@@ -35,12 +36,12 @@ class Circles:
     def __init__(self, recording: Recording, conditions: Mapping[str, Any], constant: str) -> None:
         self._smooth, self._conditions, self.constant = FilteredChannels(recording, CUTOFF), conditions, constant
         self.ramps = ramps.find(self._smooth.time, self._smooth[AY])
-        self._bands = self._all(LINEAR)
-        if np.mean([self._slope(ANGLE, ramp, band) for ramp, band in self._bands]) <= 0 and constant == "speed":
+        if self.gradient(ANGLE).mean() <= 0 and constant == "speed":
             raise RefusedError(f"{AY} does not follow {ANGLE}: check the signs, a left turn is positive in both")
-        for ramp, band in self._bands:
+        for ramp, band in self._all(LINEAR):
             self._check(ramp, band)
 
+    @kept
     def _all(self, level: tuple[float, float]) -> list[tuple[ramps.Ramp, slice]]:
         """Every ramp with the samples in which its lateral acceleration is in a range [m/s2].
 
@@ -84,6 +85,7 @@ class Circles:
         ay = self._smooth[AY][band]
         return float(np.polyfit(ay - ay.mean(), values[band], 1)[0])
 
+    @kept
     def gradient(self, channel: Channel, level: tuple[float, float] = LINEAR) -> np.ndarray:
         """Slopes (n,) of a channel over the lateral acceleration [SI]."""
         return np.array([self._slope(channel, ramp, band) for ramp, band in self._all(level)])
