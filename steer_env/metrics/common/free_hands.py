@@ -40,11 +40,13 @@ class Events:
 
     def section(self, name: str, event: int, begin: float, end: float) -> tuple[Array, Array]:
         """Time from the start of an event [s] and the channel, from ``begin`` to ``end`` after the start."""
-        t = self.time - self.start[event]
+        # Samples a second beyond either end, out of a long recording.
+        near = slice(*np.searchsorted(self.time, self.start[event] + np.array([begin - 1.0, end + 1.0])))
+        t = self.time[near] - self.start[event]
         inside = (t >= begin) & (t <= end)
         if inside.sum() < 5:
             raise RefusedError(f"{inside.sum()} samples from {begin:g} to {end:g} s after an event: record longer")
-        return t[inside], self.side[event] * (self.smooth[name][inside] - self.zero(name, event))
+        return t[inside], self.side[event] * (self.smooth[name][near][inside] - self.zero(name, event))
 
     def mean(self, name: str, begin: float, end: float) -> Array:
         """Mean (n,) of a channel from ``begin`` to ``end`` after each event."""

@@ -101,7 +101,7 @@ class Loops:
     @property
     def _motion(self) -> tuple[str, ...]:
         """The channels that show the turning of the car; none for a car that stands, also where a rig is at speed."""
-        shown = (name for name in (AY, YAW) if name in self._smooth and np.any(self._smooth.recording[name]))
+        shown = (name for name in (AY, YAW) if name in self._smooth and _moves(self._smooth.recording, name))
         return tuple(shown) if self._speed > STANDING else ()
 
     @kept
@@ -263,6 +263,12 @@ class Loops:
     def lag(self, name: str) -> np.ndarray:
         """Delay (n,) of a channel's first harmonic behind that of the handwheel angle [s]."""
         return np.angle(self.fundamental(ANGLE) * self.fundamental(name).conj()) / (2 * np.pi) * self.period
+
+
+@kept
+def _moves(recording: Recording, name: str) -> bool:
+    """Whether a channel is anywhere other than zero."""
+    return bool(np.any(recording[name]))
 
 
 def _crossed(u: np.ndarray, v: np.ndarray, x: str, level: float) -> np.ndarray:
