@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
+from scipy.special import ndtri
 from scipy.integrate import trapezoid
 from scipy.interpolate import CubicSpline
-from scipy.special import ndtri
 
 from steer_env.courses import iso3888
 from steer_env.metrics.common.definitions import SPEED_SPREAD, Array, Bounded, RefusedError, metric, register_evaluation
