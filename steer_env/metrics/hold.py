@@ -6,7 +6,7 @@ from the middle of the rise.
 """
 
 import numpy as np
-from scipy.special import ndtri
+from scipy import stats
 
 from steer_env.metrics.common.definitions import Bounded, RefusedError, metric, register_evaluation
 from steer_env.metrics.common.events import runs
@@ -53,7 +53,7 @@ class Hold:
         span = float(np.ptp(self.smooth[name][self.inside]))
         independent = 2 * CUTOFF * (self.time[-1] - self.time[0])  # number of independent samples of noise of this band
         deviation = in_band(self.smooth, name, CUTOFF)
-        noise = -2 * ndtri(0.5 / independent) * deviation
+        noise = 2 * stats.norm.isf(0.5 / independent) * deviation
         if span < CLEAR * noise:
             raise RefusedError(
                 f"{name} spans {span:.2g} N m, of which noise alone would make {noise:.2g}: use a better sensor"

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy import stats
 
 from steer_env.metrics.common import events
 from steer_env.metrics.common.definitions import Bounded, RefusedError, metric, register_evaluation
@@ -121,7 +122,7 @@ class Steps:
         y = np.array([np.interp(t, at, values / level) for (at, values), level in zip(each, steady)]) - 1.0
         mean = y.mean(axis=0)
         late = t > t[-1] - STEADY
-        noise = 2.0 * float(np.median(y[:, late].std(axis=0, ddof=1) / np.sqrt(len(y)))) if len(y) > 1 else 0.0
+        noise = 2.0 * float(np.median(stats.sem(y[:, late]))) if len(y) > 1 else 0.0
 
         def last(band: float) -> float:
             k = int(np.flatnonzero(np.abs(mean) > band)[-1])

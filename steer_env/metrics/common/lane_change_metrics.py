@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.special import ndtri
+from scipy import stats
 from scipy.integrate import trapezoid
 from scipy.interpolate import CubicSpline
 
@@ -148,7 +148,7 @@ class Passes:
         position = max(in_band(self._smooth, name, CUTOFF) for name in ("x", "y"))
         noise = float(np.hypot(position, 0.5 * self._car.length * in_band(self._smooth, "yaw_angle", CUTOFF)))
         similar = np.mean([np.count_nonzero(d < d.min() + 4.0 * noise) for d, _ in self._distances])
-        return -noise * float(ndtri(0.5 / max(2.0 * CUTOFF * STEP * float(similar), 1.0)))
+        return noise * float(stats.norm.isf(0.5 / max(2.0 * CUTOFF * STEP * float(similar), 1.0)))
 
     def completed(self) -> Array:
         """1 (n,) for a pass that reaches the last cones with the outline's middle between the lanes' edges, else 0."""

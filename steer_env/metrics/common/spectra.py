@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft, signal, special
+from scipy import fft, signal, stats
 
 from steer_env.metrics.common import events
 from steer_env.metrics.common.definitions import Doubt, RefusedError
@@ -209,11 +209,11 @@ class Spectra:
     def curve(self, name: str) -> Curve:
         """Response of a channel to the handwheel angle, with its intervals."""
         response, without = self.responses(name)
-        t = special.stdtrit(self.count - 1, 0.975)
+        t = stats.t.ppf(0.975, self.count - 1)
         gain = self._jackknife(np.log(np.abs(response)), np.log(np.abs(without)))
         turn = self._jackknife(0.0, np.angle(without / response))  # phase relative to that from all repeats
         phase = np.unwrap(np.angle(response))
-        (g, dg), (p, dp) = ((v.mean(axis=0), t * v.std(axis=0, ddof=1) / np.sqrt(self.count)) for v in (gain, turn))
+        (g, dg), (p, dp) = ((v.mean(axis=0), t * stats.sem(v, axis=0)) for v in (gain, turn))
         return Curve(
             self.frequency,
             response,

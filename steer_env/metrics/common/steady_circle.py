@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from scipy.special import ndtri
+from scipy.stats import norm
 
 from steer_env.metrics.common import ramps
 from steer_env.metrics.common.definitions import SPEED_SPREAD, Bounded, RefusedError, metric
@@ -125,7 +125,7 @@ class Circles:
         ends = [ramp.start for ramp in self.ramps[1:]] + [time.size]
         means = [ramps.running_mean(r.side * ay[r.start : end], second) for r, end in zip(self.ramps, ends)]
         similar = np.mean([np.count_nonzero(mean > mean.max() - 4.0 * noise) for mean in means]) / second
-        return Bounded(np.array([mean.max() for mean in means]), -noise * ndtri(0.5 / max(2.0 * similar, 1.0)), 0.0)
+        return Bounded(np.array([mean.max() for mean in means]), noise * norm.isf(0.5 / max(2.0 * similar, 1.0)), 0.0)
 
 
 def _circle_metric(unit: str, **more: Any) -> Callable:
