@@ -154,14 +154,14 @@ def base_of(laws: Mapping[str, Any]) -> str:
 
 
 def _parts(laws: dict[str, Any], base: str, car: cars.Car, scope: Scope) -> list[Part]:
-    """The parts of a report, those first that take long or of which there is something to draw."""
+    """The parts of a report, those that take long first."""
     first = {law_of(p).name: law for law, p in reversed(laws.items())}
-    parts = [Part("full vehicle", None, (car, laws[base]))] if scope.vehicle else []
+    parts = [Part("fitted", law, (scope, law)) for law in friction_records.fittable(list(first))]
     if scope.widths:
         parts.append(Part("loop widths", None, ([car], ["lugre"], tuple(loop_width.TESTS), scope.widths)))
     parts += [Part("test", test, (scope, test, laws)) for test in scope.tests]
+    parts += [Part("full vehicle", None, (car, laws[base]))] if scope.vehicle else []
     parts += [Part("law", law, (scope, p, first[law_of(p).name] == law)) for law, p in laws.items()]
-    parts += [Part("fitted", law, (scope, law)) for law in friction_records.fittable(list(first))]
     return parts + [Part("margins", kph, (car, kph, list(laws.values()))) for kph in scope.speeds_kph]
 
 

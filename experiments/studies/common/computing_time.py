@@ -30,7 +30,7 @@ BASE = "lugre"  # the law over whose cost that of others is given
 COLUMN, CAR = "column", "car"  # a step of the column alone, and a sample of the whole car, both of 1 ms
 SCHEME = "midpoint"  # of the project
 ROUNDS, LEAST_ROUNDS = 200, 30
-NARROW = 0.02  # intervals of all ratios over the ratios, with which there are rounds enough, assumed [1]
+NARROW = 0.03  # interval of a ratio over the ratio, with which there are rounds enough, assumed [1]
 MOST_SECONDS = 20.0  # after which no round begins, unless there are too few [s]
 BLOCK = 1e6  # length of a block [ns]
 BARE_STEPS = 50_000  # of the bare loop, some tenths of a millisecond
@@ -138,10 +138,10 @@ def in_turns(
     beside, waited = [], 0
     for block in blocks.values():
         block.run()
-    start = clocks.wall()
+    start, left = clocks.wall(), list(blocks)
     with no_garbage_collection():
         for i in range(ROUNDS):
-            for name in list(blocks)[:: -1 if i % 2 else 1]:
+            for name in left[:: -1 if i % 2 else 1]:
                 before = clocks.wall()
                 beside.append(_timed(bare, clocks.own))
                 waited += clocks.wall() - before
@@ -150,11 +150,12 @@ def in_turns(
             notify(min(max((i + 1) / ROUNDS, spent), 1.0))
             if spent >= 1.0 and i + 1 >= LEAST_ROUNDS:
                 break
-            if (i + 1) % LEAST_ROUNDS == 0 and _width(_costs(times, base)) <= NARROW:
-                break
+            if (i + 1) % LEAST_ROUNDS == 0:  # what is known closely needs no more rounds, nor what nothing needs
+                wide = [name for name, cost in _costs(times, base).items() if _width(cost) > NARROW]
+                left = [name for name in left if name in wide or name in map(base, wide)]
     quick, slow = np.percentile(beside, (100.0 - LATE, LATE))
     costs = _costs(times, base)
-    width = _width(costs)
+    width = max(map(_width, costs.values()))
     load = Load(max(1.0 - sum(beside) / waited, 0.0), float(slow / quick - 1.0), width)
     return Measured(load, costs if load.small else {})
 
@@ -165,9 +166,9 @@ def _costs(times: Mapping[K, Sequence[float]], base: Callable[[K], K]) -> dict[K
     }
 
 
-def _width(costs: Mapping[K, Cost]) -> float:
-    """The widest interval of a ratio, over the ratio [1]."""
-    return max((ratio.high - ratio.low) / ratio.median for _, ratio in costs.values())
+def _width(cost: Cost) -> float:
+    """The interval of a ratio, over the ratio [1]."""
+    return (cost.ratio.high - cost.ratio.low) / cost.ratio.median
 
 
 class Times(NamedTuple):

@@ -141,7 +141,8 @@ def search(p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator = OWN, nea
     """What :func:`find_amplitude` finds, which raises the same.
 
     The response is nearly proportional, so each round removes most of the error. A search that begins ``near`` what was
-    found for a car that differs little goes by secants over logarithms.
+    found for a car that differs little goes by secants over logarithms, whose slope is then known to a tenth: it takes
+    an error that one more step brings below :data:`CLOSE`, and that step.
     """
     target = positive("lateral_acceleration", manoeuvre.lateral_acceleration)
     (amplitude, growth), tried = near or (0.2, 1.0), None
@@ -158,6 +159,8 @@ def search(p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator = OWN, nea
             return Found(amplitude, growth)
         tried = point
         amplitude *= (target / reached) ** (1.0 / growth if near else 1.0)
+        if near and abs(reached / target - 1.0) < 10.0 * CLOSE:
+            return Found(amplitude, growth)
         if not amplitude < 6.0:
             break
     text = f"{manoeuvre.name}: no handwheel amplitude reaches {target:g} m/s2 at {manoeuvre.speed:g} m/s"
