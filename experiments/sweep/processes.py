@@ -73,10 +73,8 @@ def _pool(workers: int) -> Iterator[Any]:
         pool = ProcessPoolExecutor(workers, initializer=_begin, initargs=(os.getpid(),), env=ONE_THREAD)
         try:
             yield pool
-            pool.shutdown()
-        except BaseException:
+        finally:  # what is done has come back; that a process ends by itself takes a second
             pool.shutdown(kill_workers=True)
-            raise
 
 
 def _begin(parent: int) -> None:
