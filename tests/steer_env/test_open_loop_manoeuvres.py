@@ -7,7 +7,7 @@ import pytest
 
 from steer_env import manoeuvres, metrics
 from steer_env.manoeuvres.common import driving
-from steer_env.vehicle import cars
+from steer_env.vehicle import cars, plant
 
 CAR = cars.load()
 # Metrics of the default car with LuGre: range in which they are plausible for a compact car, and refused ones.
@@ -98,6 +98,35 @@ def test_sides_and_repeats_of_the_step():
     assert driving.find_amplitude(p, right) > 0.0
     with pytest.raises(ValueError, match="no step with left=False, right=False"):
         manoeuvres.make("step-steer", left=False, right=False)
+
+
+@pytest.mark.parametrize("test", ["weave", "step-steer"])
+def test_a_search_near_what_another_law_found_takes_few_runs_and_comes_as_close(test, monkeypatch):
+    m, run, runs = manoeuvres.make(test), driving.run, []
+    near = driving.search(driving.build_plant(CAR, m, "lugre"), m)
+    monkeypatch.setattr(driving, "run", lambda *args, **more: runs.append(args) or run(*args, **more))
+    for law in ("masing", "viscous"):
+        p = driving.build_plant(CAR, m, law)
+        runs.clear()
+        amplitude = driving.search(p, m, near=near).amplitude
+        assert 1 <= len(runs) <= 3
+        record = run(p, m, driving.inputs(m, amplitude, m.trial or m.duration))
+        reached = m.reach(record[:, plant.CHANNEL["lateral_acceleration"]])
+        assert reached == pytest.approx(m.lateral_acceleration, rel=driving.CLOSE)
+        assert amplitude == pytest.approx(driving.find_amplitude(p, m), rel=3.0 * driving.CLOSE)
+
+
+def test_a_simulator_binds_every_plant_that_it_runs():
+    """One after the other, also one that differs in a number alone."""
+    weave = manoeuvres.make("weave")
+    plants = [driving.build_plant(CAR, weave, law) for law in ("lugre", "masing")]
+    plants.append(plants[0]._replace(friction_torque_scale=2.0))
+    u = driving.inputs(weave, 0.2, 1.0)
+    for p in (*plants, *plants):
+        state, record = plant.initial_state(p), np.zeros((len(u), len(plant.channels(p))))
+        expected, shown = state.copy(), record.copy()
+        assert driving.OWN.run(p, state, u, record, 1) == plant.run(p, expected, u, shown, 1)
+        assert state.tobytes() + record.tobytes() == expected.tobytes() + shown.tobytes()
 
 
 def test_a_driver_with_torque_is_interpolated():

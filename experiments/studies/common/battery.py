@@ -56,7 +56,7 @@ def near(car: Car, manoeuvre: manoeuvres.Manoeuvre) -> driving.Found | None:
     key = pickle.dumps((car, manoeuvre.name, manoeuvre.speed, manoeuvre.lateral_acceleration))
     if key not in _near:
         with suppress(ValueError):
-            _near[key] = driving.search(driving.build_plant(car, manoeuvre, LIKE), manoeuvre)
+            _near[key] = driving.search(driving.build_plant(car, manoeuvre, LIKE), manoeuvre, near=driving.FAR)
     return _near.get(key)
 
 

@@ -126,6 +126,9 @@ class Found(NamedTuple):
     growth: float  # of the logarithm of the acceleration with that of the amplitude [1]
 
 
+FAR = Found(0.2, 1.0)  # of a car of which nothing is known but that its response is nearly proportional
+
+
 def find_amplitude(p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator = OWN) -> float:
     """Handwheel amplitude that reaches the manoeuvre's lateral acceleration [rad].
 
@@ -145,7 +148,7 @@ def search(p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator = OWN, nea
     an error that one more step brings below :data:`CLOSE`, and that step.
     """
     target = positive("lateral_acceleration", manoeuvre.lateral_acceleration)
-    (amplitude, growth), tried = near or (0.2, 1.0), None
+    (amplitude, growth), tried = near or FAR, None
     for _ in range(10):
         u = inputs(manoeuvre, amplitude, manoeuvre.trial or manoeuvre.duration)
         record = run(p, manoeuvre, u, simulator=simulator)
