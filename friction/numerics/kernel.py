@@ -27,8 +27,15 @@ from steer_env.friction.numerics.stamp import POINTS
 COMPILED = not numba.config.DISABLE_JIT  # type: ignore[attr-defined]  # False: kernels are plain Python
 
 # Kernels pass parameter tuples by value, so they are inlined: a call would copy up to a hundred floats. There is no C
-# callback, as nothing takes one, and no counting of references, as kernels own no arrays.
-_FIXED: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, "_nrt": False}
+# callback, as nothing takes one, and no counting of references, as kernels own no arrays. What is not said here numba
+# would take from the caller that compiles a kernel first, fast-math too (findings/numba_options_of_first_caller.sh).
+_FIXED: dict[str, Any] = {
+    "nogil": True,
+    "error_model": "numpy",
+    "no_cfunc_wrapper": True,
+    "_nrt": False,
+    "fastmath": False,
+}
 
 
 def _chosen_compiler() -> Any:
@@ -97,7 +104,7 @@ def dispatch(point: Callable, choose: Callable[[type, str], Any], **more: Any) -
     def chosen(p, *_):
         return plain(choose(getattr(p, "instance_class", type(None)), point.__name__))
 
-    options: Any = {"error_model": "numpy", "_nrt": False, "forceinline": True, **more}
+    options: Any = {"error_model": "numpy", "_nrt": False, "fastmath": False, "forceinline": True, **more}
     if _fast:
         options["pipeline_class"] = _fast.Drafter
     overload(point, jit_options=options, strict=False)(chosen)

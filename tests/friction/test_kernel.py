@@ -1,5 +1,6 @@
 """A kernel inside another one prints and raises as it does alone, indexes as numpy does, and allocates nothing."""
 
+import numba
 import numpy as np
 import pytest
 from hypothesis import given
@@ -62,3 +63,18 @@ def test_indices_count_from_both_ends_and_slices_end_where_the_array_does(i, j, 
         function(x, y, i, j, end, found)
         results.append(np.concatenate([x, y.ravel(), found]))
     np.testing.assert_array_equal(*results)
+
+
+@pytest.mark.skipif(not COMPILED, reason="nothing is compiled")
+def test_a_kernel_stays_exact_where_a_caller_is_not():
+    """numba gives a function the options of the caller that compiles it first, for all later ones."""
+
+    @kernel
+    def exact(x):
+        return (x + 1e16) - 1e16
+
+    @numba.njit(fastmath=True)
+    def loose(x):
+        return exact(x)
+
+    assert loose(1.0) == 0.0
