@@ -74,17 +74,17 @@ def calls_of(m, law, monkeypatch):
     loaded = cars.load("compact")
     p = manoeuvres.build_plant(loaded, m, law)
     prepared = None if m.driver else driving.open_loop(p, m)
-    calls, run = [], plant.run
+    calls, run = [], driving.WholeCar.run
 
-    def kept(p, state, u, record, substeps):
+    def kept(self, p, state, u, record, substeps):
         before = state.copy()
-        finite = run(p, state, u, record, substeps)
+        finite = run(self, p, state, u, record, substeps)
         if len(record) == len(u):
             calls.append((p, before, u.copy(), record.copy()))
         return finite
 
     with monkeypatch.context() as patched:
-        patched.setattr(plant, "run", kept)
+        patched.setattr(driving.WholeCar, "run", kept)
         driving.drive_plant(loaded, p, m, prepared)
     return calls
 
