@@ -106,7 +106,7 @@ def progress(what: str, total: float | None = 1.0) -> Iterator[Callable[[float, 
     """A progress bar on standard error, or a line for every tenth of long work if that is no terminal.
 
     Yields a function of the part that is done and of what comes next. Both tell the time so far, and the time left as
-    far as it can be told; without a total the bar only moves, and one line says what is done.
+    far as it can be told; without a total the bar only moves, and one line says what goes on.
     """
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn

@@ -132,7 +132,8 @@ _PARTS: dict[str, Callable[..., Any]] = {
 }
 
 
-# Times that they take with eleven laws, whereby the time left is told [s]; Bouc-Wen's fit has a power in its equation.
+# Times that they take with eleven laws, by which the time that is left is told [s]; the fit of Bouc-Wen has an exponent
+# that is no whole number.
 _COST = {"full vehicle": 0.7, "loop widths": 3.5, "test": 1.1, "law": 0.6, "fitted": 2.4, "margins": 0.05}
 _DEAR = {("fitted", "bouc_wen"): 13.0}
 
@@ -188,15 +189,14 @@ def collect(
     car = scope.loaded()
     base = base_of(laws)
     parts = _parts(laws, base, car, scope)
-    spent, whole = 0.0, sum(map(_cost, parts))
-
-    def done(part: Part, result: Any) -> None:
-        nonlocal spent
-        spent += _cost(part)
-        notify(SWEPT * spent / whole, _in_words(part))
-        finished(part, result)
-
-    results = sweep(_computed, parts, words=_in_words, finished=done)
+    results = sweep(
+        _computed,
+        parts,
+        notify=lambda part, text: notify(SWEPT * part, text),
+        words=_in_words,
+        cost=_cost,
+        finished=finished,
+    )
     found = {(part.name, part.of): result for part, result in zip(parts, results)}
     of_law: dict[str, LawResult] = {law: found["law", law] for law in laws}
     fits = {law: fit for (name, law), fit in found.items() if name == "fitted" and fit[1]}

@@ -37,6 +37,7 @@ class Runner(Protocol):
         *,
         notify: Notify = ...,
         words: Any = ...,
+        cost: Callable[[Any], float] = ...,
         finished: Callable[[Any, Any], None] = ...,
     ) -> list[Any]:
         """Results in the order of the cases."""
@@ -51,6 +52,7 @@ def run(
     notify: Notify = lambda *_: None,
     words: Callable[[Any], str] = str,
     modules: Iterable[str] = (),
+    cost: Callable[[Any], float] = lambda _: 1,
     finished: Callable[[Any, Any], None] = lambda *_: None,
 ) -> list[Any]:
     """Call a function with every case, and return the results in the order of the cases.
@@ -76,6 +78,8 @@ def run(
     modules : iterable of str
         Own modules that the results depend on beside that of the function, those of the cases' classes, those that have
         registered friction laws, and what these import. The workers import all of them before they read a case.
+    cost : case -> float
+        What a case takes beside others, by which ``notify`` is told; by default they all take the same.
     finished : (case, result) -> None
         Gets what was not kept as it comes, and may work with it while others go on.
 
@@ -91,9 +95,10 @@ def run(
     """
     cases = list(cases)
     tasks, results = _prepared(name_of(function), cases, store, words, modules)
-    total, done = len(cases), len(cases) - len(tasks)
+    total, done, costs = len(cases), len(cases) - len(tasks), list(map(cost, cases))
+    left, whole = sum(costs[number] for number in tasks), sum(costs)
     if done and tasks:
-        notify(done / total, f"{done} of {total} finished before")
+        notify((whole - left) / whole, f"{done} of {total} finished before")
     with closing(_performed(tasks, where)) as outcomes:
         for outcome in outcomes:
             case = words(cases[outcome.number])
@@ -102,8 +107,8 @@ def run(
             if store and store.load(key := tasks[outcome.number].key) is None:
                 store.save(key, outcome.result)  # a worker that sees the folder has done so
             results[outcome.number] = pickle.loads(outcome.result)
-            done += 1
-            notify(done / total, f"{done} of {total}, {case}")
+            done, left = done + 1, left - costs[outcome.number]
+            notify((whole - left) / whole, f"{done} of {total}, {case}")
             finished(cases[outcome.number], results[outcome.number])
     return results
 

@@ -5,7 +5,7 @@ In memory all quantities are in SI units with angles in radians; :mod:`steer_env
 
 from collections.abc import Mapping
 from copy import deepcopy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -85,6 +85,10 @@ class Recording:
         object.__setattr__(self, "channels", channels)
         object.__setattr__(self, "units", dict(self.units))
         object.__setattr__(self, "meta", deepcopy(dict(self.meta)))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What is pickled and copied: not what metrics have kept with the recording."""
+        return {each.name: getattr(self, each.name) for each in fields(self)}
 
     def __getitem__(self, name: str) -> np.ndarray:
         """Samples (T,) of a channel in its unit; ValueError for an unknown name, with the names of all channels."""

@@ -1,10 +1,13 @@
 """What the study says about the laws, pinned loosely enough for other processors."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from steer_env import friction
+from steer_env import friction, manoeuvres
 from steer_env.experiments.studies import friction_laws as study
+from steer_env.experiments.studies.common import battery
 from steer_env.vehicle import cars
 
 
@@ -29,6 +32,18 @@ def test_dry_and_set_valued_are_read_off_any_law(toy):
     assert "toy_jenkins" in found
     assert set(found.values()) == {(True, False)}
     assert not study.dry(friction.make("viscous", sigma_2=100.0))
+
+
+def test_no_amplitude_depends_on_what_was_driven_before(monkeypatch):
+    """Manoeuvres that differ in anything, as in chassis, length of the trial or motion, begin their search apart."""
+    car, weave = cars.load(), manoeuvres.make("weave")
+    others = [replace(weave, chassis="two_track"), replace(weave, trial=7.0), manoeuvres.make("weave", frequency=0.25)]
+    for other in others:
+        monkeypatch.setattr(battery, "_near", {})
+        alone = battery.near(car, other)
+        monkeypatch.setattr(battery, "_near", {})
+        assert battery.near(car, weave) != alone
+        assert battery.near(car, other) == alone
 
 
 def test_torque_stays_while_a_displacement_is_held():

@@ -54,6 +54,17 @@ def test_results_are_the_same_to_the_bit_everywhere(where):
     assert [share for share, _ in seen] == [k / 10 for k in range(1, 11)]
 
 
+def test_what_is_done_is_told_by_what_cases_cost_also_of_those_that_are_kept(tmp_path):
+    """Cases of 1, 2 and 3 are 1/6, 1/2 and all; the first two are kept and are not handed over again."""
+    seen, handed = [], []
+    sweep.run(cases.rooted, [1, 2], store=kept_in(tmp_path), finished=lambda *each: handed.append(each))
+    assert [(case, result.tobytes()) for case, result in handed] == [(x, cases.rooted(x).tobytes()) for x in (1, 2)]
+    again = {"store": kept_in(tmp_path), "cost": float, "notify": lambda *told: seen.append(told)}
+    sweep.run(cases.rooted, [1, 2, 3], **again, finished=lambda *each: handed.append(each))
+    assert seen == [(0.5, "2 of 3 finished before"), (1.0, "3 of 3, 3")]
+    assert [case for case, _ in handed] == [1, 2, 3]
+
+
 @pytest.mark.whole
 @pytest.mark.parametrize("where", EVERYWHERE)
 def test_a_worker_uses_one_thread(where):

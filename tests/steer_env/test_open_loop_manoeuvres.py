@@ -117,7 +117,7 @@ def test_a_search_near_what_another_law_found_takes_few_runs_and_comes_as_close(
 
 
 def test_a_simulator_binds_every_plant_that_it_runs():
-    """One after the other, also one that differs in a number alone."""
+    """One after the other, also one that differs in a number alone, and arrays with gaps after those without."""
     weave = manoeuvres.make("weave")
     plants = [driving.build_plant(CAR, weave, law) for law in ("lugre", "masing")]
     plants.append(plants[0]._replace(friction_torque_scale=2.0))
@@ -127,6 +127,9 @@ def test_a_simulator_binds_every_plant_that_it_runs():
         expected, shown = state.copy(), record.copy()
         assert driving.OWN.run(p, state, u, record, 1) == plant.run(p, expected, u, shown, 1)
         assert state.tobytes() + record.tobytes() == expected.tobytes() + shown.tobytes()
+        again, spread = plant.initial_state(p), np.repeat(u, 2, axis=0)[::2]
+        assert driving.OWN.run(p, again, spread, record, 1)
+        assert again.tobytes() == state.tobytes()
 
 
 def test_a_driver_with_torque_is_interpolated():

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
+from steer_env import metrics
 from steer_env.recording.recording import DEGREE, Recording
 from tests.steer_env.recorded import UNITS
 
@@ -32,6 +33,14 @@ def test_a_recording_does_not_change(weave):
         weave.time = weave.time + 1
     again = pickle.loads(pickle.dumps(weave))
     np.testing.assert_array_equal(again["yaw_rate"], weave["yaw_rate"])
+
+
+def test_what_metrics_keep_with_a_recording_is_no_part_of_it(weave):
+    """A case of a sweep that holds it is the same case once it was evaluated."""
+    before = len(pickle.dumps(weave))
+    metrics.evaluate(weave, speed_m_s=27.8)
+    assert vars(weave).keys() > {each.name for each in dataclasses.fields(weave)}
+    assert len(pickle.dumps(weave)) == before
 
 
 def test_a_recording_copies_what_may_change_and_shares_what_does_not(weave):

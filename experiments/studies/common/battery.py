@@ -1,9 +1,11 @@
 """The test battery of the report: each manoeuvre with each law, and how the metrics of the laws differ."""
 
+import hashlib
 import math
 import pickle
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from dataclasses import fields
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -43,6 +45,7 @@ class Drive(NamedTuple):
 
 
 LIKE = "lugre"  # with its default parameters, whose amplitudes lie near those of any law
+_NO_NUMBERS = ("hand", "reach", "driver", "others")  # functions of a manoeuvre, which cannot be compared
 _near: dict[bytes, driving.Found] = {}  # of this process
 
 
@@ -53,7 +56,9 @@ def near(car: Car, manoeuvre: manoeuvres.Manoeuvre) -> driving.Found | None:
     """
     if manoeuvre.lateral_acceleration is None or manoeuvre.amplitude is not None:
         return None
-    key = pickle.dumps((car, manoeuvre.name, manoeuvre.speed, manoeuvre.lateral_acceleration))
+    told = [getattr(manoeuvre, each.name) for each in fields(manoeuvre) if each.name not in _NO_NUMBERS]
+    hand = manoeuvre.hand(np.linspace(0.0, manoeuvre.duration, POINTS), 1.0)
+    key = hashlib.sha256(pickle.dumps((car, told, hand))).digest()
     if key not in _near:
         with suppress(ValueError):
             _near[key] = driving.search(driving.build_plant(car, manoeuvre, LIKE), manoeuvre, near=driving.FAR)

@@ -72,7 +72,9 @@ class WholeCar:
         return plant.settled(p)
 
     def run(self, p: plant.Plant, state: Array, inputs: Array, record: Array, substeps: int) -> bool:
-        """As :func:`steer_env.vehicle.plant.run`, with contiguous arrays; a plant that runs again is not bound anew."""
+        """As :func:`steer_env.vehicle.plant.run`; a plant that runs again is not bound anew."""
+        if not all(each.flags.c_contiguous and each.dtype == float for each in (state, inputs, record)):
+            return plant.run(p, state, inputs, record, substeps)  # a bound kernel looks at no array's type
         of, kernel = self._bound
         if of is not p:
             made = plant.bound(p)

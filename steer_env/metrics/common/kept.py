@@ -18,7 +18,7 @@ def kept(method: F) -> F:
 
     @wraps(method)
     def once(self: Any, *arguments: Any, **named: Any) -> Any:
-        found, key = vars(self).setdefault("_kept", {}), (method.__name__, arguments, *named.items())
+        found, key = vars(self).setdefault("_kept", {}), (method.__name__, method.__module__, arguments, *named.items())
         if key not in found:
             found[key] = method(self, *arguments, **named)
         return found[key]

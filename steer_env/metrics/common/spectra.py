@@ -17,7 +17,6 @@ Identification, 2012, section 7.2; Efron, Tibshirani 1993, chapter 11.
 """
 
 from collections.abc import Callable, Mapping
-from functools import lru_cache
 from itertools import groupby
 from typing import Any, NamedTuple
 
@@ -97,8 +96,8 @@ class Spectra:
         if len(self._segments) < fewest:
             raise RefusedError(f"{len(self._segments)} {shortage}")
         self.count, self._together = len(self._segments) // together, together
-        self._band = low, high = conditions["lowest_hz"], conditions["highest_hz"]
-        self.frequency = _frequencies(low, high)
+        low, high = conditions["lowest_hz"], conditions["highest_hz"]
+        self.frequency = low + SPACING * np.arange(round((high - low) / SPACING) + 1)
         power = self._power(ANGLE, ANGLE)[..., 0].real.sum(axis=0)
         weak = self.frequency[power < EXCITED * np.median(power)]
         if weak.size:
@@ -133,8 +132,19 @@ class Spectra:
             found.extend(fft.rfft(window * values)[:, :near])  # without padding, an offset does not leak
         return found
 
+    @kept
     def _weights(self, size: int) -> tuple[Array, int, Array]:
-        return _weights(self._window, size, self.rate, self._triangle, *self._band)
+        """Window of a segment (T,), number of bins of its transform, and the weights of the moments (bins, F, 5)."""
+        window = signal.get_window(self._window, size)
+        f = np.fft.rfftfreq(size, 1.0 / self.rate)
+        near = int(np.count_nonzero(f < self.frequency[-1] + 2 * TRIANGLE))
+        distance = (f[:near, None] - self.frequency) / self._triangle
+        weight = np.clip(1.0 - np.abs(distance), 0.0, None)
+        return (
+            window * np.sqrt(2.0 / (self.rate * np.sum(window**2))),
+            near,
+            weight[..., None] * distance[..., None] ** np.arange(5),
+        )
 
     @kept
     def _power(self, x: str, y: str) -> Complex:
@@ -223,26 +233,6 @@ class Spectra:
             phase + p - dp,
             phase + p + dp,
         )
-
-
-def _frequencies(low: float, high: float) -> Array:
-    """The frequencies (F,) at which a band is read [Hz]."""
-    return low + SPACING * np.arange(round((high - low) / SPACING) + 1, dtype=np.float64)
-
-
-@lru_cache(maxsize=8)  # which every reading of a recording needs
-def _weights(name: str, size: int, rate: float, triangle: float, low: float, high: float) -> tuple[Array, int, Array]:
-    """Window of a segment (T,), number of bins of its transform, and the weights of the moments (bins, F, 5)."""
-    window, frequency = signal.get_window(name, size), _frequencies(low, high)
-    f = np.fft.rfftfreq(size, 1.0 / rate)
-    near = int(np.count_nonzero(f < frequency[-1] + 2 * TRIANGLE))
-    distance = (f[:near, None] - frequency) / triangle
-    weight = np.clip(1.0 - np.abs(distance), 0.0, None)
-    return (
-        window * np.sqrt(2.0 / (rate * np.sum(window**2))),
-        near,
-        weight[..., None] * distance[..., None] ** np.arange(5),
-    )
 
 
 def sweeps(time: Array, angle: Array) -> list[slice]:
