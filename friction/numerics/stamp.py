@@ -11,6 +11,7 @@ compiled without a cache: a stale kernel would give wrong results, a missing cac
 
 import functools
 import hashlib
+import operator
 import os
 import platform
 import re
@@ -20,7 +21,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import FunctionType, ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 import llvmlite
 import llvmlite.binding
@@ -80,7 +81,7 @@ def stamp(kernel: Any, signature: tuple, compiler: str) -> str:
         name = thing.__module__
         if getattr(sys.modules.get(name), "__file__", None) is None and name != "builtins":
             raise UndecidableError(f"{name} has no source file")
-        _refer(thing, files)
+        _count(sys.modules[name], files)
     for point, function in functions:
         closed = [_value(cell.cell_contents) for cell in function.__closure__ or ()]
         if None in closed:
@@ -112,23 +113,73 @@ def _count(module: ModuleType, files: dict[str, str]) -> None:
     files[name] = _digest(file) if where else "a folder"
     if _lazy(module):  # which names it holds depends on what was asked for
         return
-    text = file.read_bytes() if file.is_file() else b""
-    for key, value in list(vars(module).items()):
-        members = re.findall(rb"\b%s\.(\w+)" % key.encode(), text) if _lazy(value) else []
-        for each in (value, *(getattr(value, member.decode(), None) for member in members)):
-            _refer(each, files)
-        if name not in _MACHINERY and not key.startswith("__"):  # what is set while the process runs counts too
-            files[f"{name}.{key}"] = _value(value) or f"{type(value)} {getattr(value, '__qualname__', '')}"
+    known = _known.get(module)
+    if known is None or not known.holds(module):
+        text = file.read_bytes() if file.is_file() else b""
+        known = _known[module] = _known_now(module, text)
+    files.update(known.values)
+    for each in known.modules:
+        if each in sys.modules:
+            _count(sys.modules[each], files)
 
 
-def _refer(thing: Any, files: dict[str, str]) -> None:
-    """Count a module, or that of a function or class, or those of a tuple or list of them."""
+class _Known(NamedTuple):
+    """What the names of a module stand for."""
+
+    names: tuple[str, ...]
+    members: list[tuple[ModuleType, str]]  # packages that load their modules when asked, and what is asked for
+    things: list[Any]  # that the names and members stand for
+    fixed: bool  # whether none of the things changes by itself
+    values: dict[str, str]  # of the constants
+    modules: dict[str, None]  # in their order
+
+    def holds(self, module: ModuleType) -> bool:
+        """Whether the names stand for the same things now."""
+        names = tuple(vars(module))
+        return self.fixed and names == self.names and all(map(operator.is_, self.things, _things(module, self.members)))
+
+
+_known: dict[ModuleType, _Known] = {}
+
+
+def _known_now(module: ModuleType, text: bytes) -> _Known:
+    held = dict(vars(module))
+    lazy = [(key, value) for key, value in held.items() if _lazy(value)]
+    members = [
+        (value, name.decode()) for key, value in lazy for name in re.findall(rb"\b%s\.(\w+)" % key.encode(), text)
+    ]
+    things = _things(module, members)
+    counted = {key: value for key, value in held.items() if module.__name__ not in _MACHINERY and key[:2] != "__"}
+    return _Known(
+        tuple(held),
+        members,
+        things,
+        not any(map(_changes, counted.values())),
+        {  # what is set while the process runs counts too
+            f"{module.__name__}.{key}": _value(value) or f"{type(value)} {getattr(value, '__qualname__', '')}"
+            for key, value in counted.items()
+        },
+        dict.fromkeys(name for each in things for name in _modules_of(each)),
+    )
+
+
+def _things(module: ModuleType, members: list[tuple[ModuleType, str]]) -> list[Any]:
+    return [*vars(module).values(), *(getattr(package, name, None) for package, name in members)]
+
+
+def _changes(value: Any) -> bool:
+    """Whether a counted constant may be another one though it is the same object."""
+    return isinstance(value, np.ndarray | list) or (isinstance(value, tuple) and any(map(_changes, value)))
+
+
+def _modules_of(thing: Any) -> Iterator[str]:
+    """Names of a module, or of that of a function or class, or of those of a tuple or list of them."""
     if type(thing) in (tuple, list):
         for each in thing:
-            _refer(each, files)
+            yield from _modules_of(each)
     name = thing.__name__ if isinstance(thing, ModuleType) else getattr(thing, "__module__", None)
-    if isinstance(name, str) and name in sys.modules:
-        _count(sys.modules[name], files)
+    if isinstance(name, str):
+        yield name
 
 
 def _lazy(thing: Any) -> bool:
