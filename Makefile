@@ -1,44 +1,48 @@
 PYTHON ?= python3
 SEED := $(shell date +%s)
-PYTEST = .venv-test/bin/python -m pytest --numprocesses auto --dist worksteal \
-	--hypothesis-profile=random --hypothesis-seed=$(SEED)
+PYTEST = -m pytest --numprocesses auto --dist worksteal --hypothesis-profile=random --hypothesis-seed=$(SEED)
+SKIPPED = build/skipped-tests.txt
 
 # The tests start many processes, which would compile every module that they import.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: report test types test-whole test-all test-matrix test-integrations audit docs clean
+.PHONY: report test check test-whole test-all test-matrix test-integrations audit docs clean
 
 # The main job: the core packages alone, then the evaluation report in report/index.html.
 report: .venv/.stamp
 	.venv/bin/steer-env report --out report
 
-# What a contributor runs: core, test and training packages, the types, then everything but the tests marked `whole`.
-# The command that make prints has the random seed of the property tests.
-test: types
-	$(PYTEST) -m "not whole"
+# What a contributor runs: the core, and the tests that need no more; the command has the seed of the property tests.
+test: .venv-test/.stamp
+	.venv-test/bin/python $(PYTEST) -m "not whole" --skipped-to $(SKIPPED)
 
-# The types of the packages; only what has changed is read again.
-types: .venv-test/.stamp
-	.venv-test/bin/python -m mypy
+# Format, lint, types, direction of imports, spelling of the pages.
+check: .venv-test/.stamp-check
+	.venv-test/bin/ruff format --check .
+	.venv-test/bin/ruff check .
+	.venv-test/bin/mypy
+	.venv-test/bin/lint-imports
+	.venv-test/bin/typos --format brief *.md docs/*.md
 
-# The other tests.
-test-whole: .venv-test/.stamp
-	$(PYTEST) -m whole
+# The other tests, with every extra: those marked `whole`, and what `make test` skipped.
+test-whole: .venv-whole/.stamp
+	test -f $(SKIPPED) || $(MAKE) test
+	.venv-whole/bin/python $(PYTEST) --rest $(SKIPPED)
 
 # The whole suite.
-test-all: test test-whole
+test-all: test check test-whole
 
 # A short smoke test over several versions of numba and the lowest versions of all dependencies.
 test-matrix:
 	$(PYTHON) tests/tools/matrix.py
 
 # Smoke tests with the libraries of docs/integrations.md.
-test-integrations: .venv-integrations/.stamp
-	.venv-integrations/bin/python -m pytest tests/integrations
+test-integrations: .venv-whole/.stamp
+	.venv-whole/bin/python -m pytest tests/integrations
 
 # Policy search against every reward: what scores more than the classical controllers must not behave worse.
-audit: .venv-test/.stamp
-	.venv-test/bin/python -m tests.maintain audit
+audit: .venv-whole/.stamp
+	.venv-whole/bin/python -m tests.maintain audit
 
 # The site of the documentation in build/docs/index.html; plain Python draws its few pictures sooner than it compiles.
 docs: .venv-docs/.stamp
@@ -49,17 +53,20 @@ docs: .venv-docs/.stamp
 	.venv/bin/python -m pip install --quiet --constraint constraints.txt --editable .
 	touch $@
 
-# torch first and by itself: a range that another package asks for must not choose its build.
-.venv-test/.stamp: pyproject.toml constraints.txt constraints-train.txt
+.venv-test/.stamp: pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv-test
-	.venv-test/bin/python -m pip install --quiet --constraint constraints-train.txt torch
-	.venv-test/bin/python -m pip install --quiet --constraint constraints-train.txt --editable '.[train,test]'
+	.venv-test/bin/python -m pip install --quiet --constraint constraints.txt --editable '.[test]'
 	touch $@
 
-.venv-integrations/.stamp: pyproject.toml constraints.txt constraints-train.txt constraints-integrations.txt
-	$(PYTHON) -m venv .venv-integrations
-	.venv-integrations/bin/python -m pip install --quiet --constraint constraints-integrations.txt torch
-	.venv-integrations/bin/python -m pip install --quiet --constraint constraints-integrations.txt --editable '.[integrations,test]'
+.venv-test/.stamp-check: .venv-test/.stamp
+	.venv-test/bin/python -m pip install --quiet --constraint constraints.txt --editable '.[check]'
+	touch $@
+
+# torch first and by itself: a range that another package asks for must not choose its build.
+.venv-whole/.stamp: pyproject.toml constraints.txt constraints-train.txt constraints-integrations.txt
+	$(PYTHON) -m venv .venv-whole
+	.venv-whole/bin/python -m pip install --quiet --constraint constraints-integrations.txt torch
+	.venv-whole/bin/python -m pip install --quiet --constraint constraints-integrations.txt --editable '.[whole]'
 	touch $@
 
 .venv-docs/.stamp: pyproject.toml constraints.txt
@@ -68,4 +75,4 @@ docs: .venv-docs/.stamp
 	touch $@
 
 clean:
-	rm -rf .venv .venv-test .venv-integrations .venv-docs build/docs build/docs-kept build/docs-sources build/docs-drawn report
+	rm -rf .venv .venv-test .venv-whole .venv-docs build/skipped-tests.txt build/docs build/docs-kept build/docs-sources build/docs-drawn report

@@ -3,11 +3,16 @@
 import gc
 import importlib
 import os
+import re
 import signal
 import sys
+from pathlib import Path
+from traceback import walk_tb
 
 import pytest
 from hypothesis import settings
+
+TESTS = Path(__file__).parent
 
 pytest.register_assert_rewrite("steer_env.testing.friction_law")  # what differs is printed, as in a test
 
@@ -31,6 +36,77 @@ os.environ.setdefault("STEER_ENV_WORKERS", "1")
 settings.register_profile("suite", derandomize=True, deadline=None)
 settings.register_profile("random", deadline=None, print_blob=True)
 settings.load_profile("suite")
+
+
+# Folders whose tests belong to the whole suite: they take compilers, browsers, devices, networks, or the clock.
+WHOLE = ("connect", "experiments/explore", "live/devices", "live/drive")
+# What the registry of Python does not have, and without which a test may be skipped in the whole suite too.
+FOREIGN = re.compile("wine|valgrind|Chromium|Firefox|TypeScript|moviepy")
+
+_skipped: dict[str, str] = {}  # test, or module of tests -> reason
+
+
+def pytest_addoption(parser):
+    parser.addoption("--skipped-to", type=Path, help="write the tests that were skipped to a file")
+    parser.addoption("--rest", type=Path, help="run the whole suite's tests and those of a file of skipped ones")
+
+
+class _Module(pytest.Module):
+    """A module of tests, which is skipped where it imports a package that is not installed."""
+
+    def _getobj(self):
+        try:
+            return super()._getobj()
+        except self.CollectError as error:
+            cause = error.__cause__
+            if not (isinstance(cause, ModuleNotFoundError) and _imported_here(cause.__traceback__)):
+                raise
+            pytest.skip(f"needs {cause.name}", allow_module_level=True)
+
+
+def _imported_here(traceback):
+    """Whether the last of our files before an import failed is one of the tests: the project itself asks for less."""
+    frames = [Path(frame.f_code.co_filename) for frame, _ in walk_tb(traceback)]
+    ours = [file for file in frames if file.is_relative_to(TESTS.parent) and not file.is_relative_to(sys.prefix)]
+    return ours[-1].is_relative_to(TESTS)
+
+
+def pytest_pycollect_makemodule(module_path, parent):
+    return _Module.from_parent(parent, path=module_path)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config, items):
+    for item in items:
+        if any(item.path.is_relative_to(TESTS / folder) for folder in WHOLE):
+            item.add_marker("whole")
+    if file := config.getoption("rest"):
+        skipped = tuple(file.read_text(encoding="utf-8").splitlines())
+        rest = [item for item in items if item.get_closest_marker("whole") or item.nodeid.startswith(skipped)]
+        config.hook.pytest_deselected(items=[item for item in items if item not in rest])
+        items[:] = rest
+
+
+def pytest_runtest_logreport(report):
+    pytest_collectreport(report)
+
+
+def pytest_collectreport(report):
+    if report.skipped and not hasattr(report, "wasxfail"):
+        _skipped[report.nodeid] = str(report.longrepr[2])
+
+
+def pytest_sessionfinish(session):
+    """Keep what was skipped; in the whole suite, which has every extra, a skip is a failure."""
+    if hasattr(session.config, "workerinput"):
+        return
+    if file := session.config.getoption("skipped_to"):
+        file.parent.mkdir(exist_ok=True)
+        file.write_text("".join(f"{test}\n" for test in sorted(_skipped)), encoding="utf-8")
+    lacking = {test: reason for test, reason in _skipped.items() if not FOREIGN.search(reason)}
+    if session.config.getoption("rest") and lacking:
+        print("\nskipped, though everything is to be there:", *map(": ".join, lacking.items()), sep="\n")
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
 
 def pytest_collection_finish():

@@ -19,6 +19,7 @@ from steer_env.experiments.learning.controllers import ZeroAction
 from steer_env.friction import law
 from steer_env.registration import id_of
 from steer_env.vehicle import cars
+from tests.needs import needs
 
 FOLDER = Path(__file__).parents[1] / "examples"
 
@@ -30,6 +31,7 @@ def load(name):
     return module
 
 
+@needs("stable_baselines3", "pygame")
 def test_train_a_policy(tmp_path):
     found = load("train_a_policy").main(64 * 128, str(tmp_path / "frame.png"))
     assert 0.4 < found["boost table"] < 0.55
@@ -69,9 +71,11 @@ def test_plan_by_cross_entropy():
     assert found["cross-entropy"] > found["zero action"]
 
 
+@needs("fmpy")
 def test_fmu_controller(tmp_path, monkeypatch):
     """It earns what a class with the equation of the FMU earns: the force of a spring of 0.02 in place of an assist."""
-    foreign = pytest.importorskip("tests.connect.external.foreign")
+    from tests.connect.external import foreign
+
     foreign.write(tmp_path, {"modelDescription.xml": foreign.description(), foreign.BINARY: foreign.library(tmp_path)})
     example = load("fmu_controller")
     monkeypatch.setattr(example, "FMU", tmp_path / "foreign.fmu")
@@ -116,9 +120,9 @@ def test_process_controller(monkeypatch):
     env.close()
 
 
+@needs("mujoco")
 def test_joint_friction():
     """Laws hold a constant load; one with a true stick holds an oscillating load too. MuJoCo's own friction creeps."""
-    pytest.importorskip("mujoco")
     example = load("joint_friction")
     found = example.main()
     coulomb, lugre, elasto_plastic = (found[law] for law in example.LAWS)

@@ -1,7 +1,4 @@
-"""The house rules that a machine can check: format, lint, direction of imports, what is installed.
-
-``make types``, which ``make test`` runs first, checks the types.
-"""
+"""The house rules that a machine can check and no tool of ``make check`` does: what is installed, and how code is written."""
 
 import ast
 import itertools
@@ -9,44 +6,15 @@ import os
 import re
 import subprocess
 import sys
-import sysconfig
 from pathlib import Path
 
 import pytest
-import setuptools
 
 from tests.by_law import pairs
+from tests.needs import needs
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("friction", "vehicle", "experiments", "steer_env")
-
-
-@pytest.mark.parametrize(
-    "command",
-    [
-        ["ruff", "check", "."],
-        ["ruff", "format", "--check", "."],
-        ["importlinter.cli", "lint_imports"],
-    ],
-    ids=lambda command: command[0],
-)
-def test_tools_are_content(command):
-    if command[0] == "importlinter.cli":
-        arguments = [sys.executable, "-c", "from importlinter.cli import lint_imports_command; lint_imports_command()"]
-    else:
-        arguments = [sys.executable, "-m", *command]
-    done = subprocess.run(arguments, cwd=ROOT, capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout + done.stderr
-
-
-def test_pages_are_spelled_well():
-    """Frequent misspellings; words of the field that look like one stand in pyproject.toml."""
-    tool = Path(sysconfig.get_path("scripts")) / "typos"
-    if not tool.exists():
-        pytest.skip("typos is not installed")
-    pages = [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")]
-    done = subprocess.run([tool, "--format", "brief", *pages], cwd=ROOT, capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_core_does_not_import_torch():
@@ -56,8 +24,11 @@ def test_core_does_not_import_torch():
     subprocess.run([sys.executable, "-c", code], check=True, cwd=ROOT)
 
 
+@needs("setuptools")
 def test_every_package_is_installed_and_tests_are_not():
     """``packages.find`` follows the links that put the four folders into one namespace."""
+    import setuptools
+
     found = set(setuptools.find_packages(str(ROOT), include=["steer_env*"]))
     folders = {
         ".".join(["steer_env"] * (package != "steer_env") + list(path.parent.relative_to(ROOT).parts))

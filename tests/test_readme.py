@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.needs import needs
+
 ROOT = Path(__file__).parents[1]
 PAGES = ("README.md", "docs/analysis.md", "docs/friction_laws.md", "docs/learning.md", "docs/robot_joints.md")
 EXAMPLES = [
@@ -26,10 +28,14 @@ def test_there_are_examples(page):
     assert any(page == where for where, _, _ in EXAMPLES)
 
 
-@pytest.mark.parametrize(("page", "code", "printed"), EXAMPLES, ids=[page for page, _, _ in EXAMPLES])
+PACKAGES = {"docs/learning.md": ["stable_baselines3"], "docs/robot_joints.md": ["mujoco"]}
+
+
+@pytest.mark.parametrize(
+    ("page", "code", "printed"),
+    [pytest.param(*each, marks=needs(*PACKAGES.get(each[0], [])), id=each[0]) for each in EXAMPLES],
+)
 def test_example(page, code, printed, capsys):
-    if "import mujoco" in code:
-        pytest.importorskip("mujoco")  # from Python 3.11 on
     exec(compile(code, page, "exec"), {"__name__": "readme"})
     out = capsys.readouterr().out
     assert out == printed if printed else out

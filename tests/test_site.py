@@ -14,6 +14,7 @@ import pytest
 
 from steer_env import friction, metrics
 from steer_env.vehicle import cars
+from tests.needs import needs
 from tests.tools.site import mathml, repository_pages
 
 ROOT = Path(__file__).parents[1]
@@ -40,11 +41,10 @@ class Page(HTMLParser):
             self.loaded += [found[key] for key in ("href", "src") if key in found]
 
 
+@needs("sphinx", "myst_parser", "furo", "snowballstemmer")
 @pytest.mark.whole
 def test_the_site_builds_and_its_links_and_search_lead_somewhere(tmp_path):
     """One test, as the site takes most of a minute."""
-    for tool in ("sphinx", "myst_parser", "furo"):
-        pytest.importorskip(tool, reason="the extra docs is not installed")
     out = tmp_path / "docs"
     words = [sys.executable, "-m", "tests.maintain", "site", "--out", str(out)]
     # Plain Python draws the few pictures sooner than it compiles.
@@ -79,7 +79,9 @@ def dead(pages):
 def require_search(text):
     """The index of the search knows a word of a page, and a page for every declaration."""
     index = json.loads(text.removeprefix("Search.setIndex(").rstrip().removesuffix(")"))
-    stem = pytest.importorskip("snowballstemmer").stemmer("english").stemWord
+    import snowballstemmer
+
+    stem = snowballstemmer.stemmer("english").stemWord
     found = index["terms"][stem("hysteresis")]
     assert "docs/model" in {index["docnames"][k] for k in (found if isinstance(found, list) else [found])}
     declared = {"laws": friction.available(), "cars": cars.available(), "manoeuvres": metrics.tests()}
@@ -87,10 +89,10 @@ def require_search(text):
 
 
 def tree(tex, block):
-    pytest.importorskip("docutils", reason="the extra docs is not installed")
     return ElementTree.fromstring(mathml(tex, block).replace("&ApplyFunction;", ""))
 
 
+@needs("docutils")
 @pytest.mark.parametrize(
     ("tex", "block"),
     [(tex, True) for tex in BLOCKS] + [(tex, False) for tex in IN_LINES],

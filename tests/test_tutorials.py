@@ -56,8 +56,6 @@ def words(line, clock):
 @pytest.mark.parametrize("page", PAGES)
 def test_tutorial(page, tmp_path):
     """Its commands run in ten minutes."""
-    for extra in {"learning": ["stable_baselines3"], "fmu": ["fmpy"]}.get(page, []):
-        pytest.importorskip(extra, reason="an extra is not installed")
     out, compared, until = "", 0, time.monotonic() + SECONDS
     for language, text, clock in blocks(page):
         match language:

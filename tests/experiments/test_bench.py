@@ -60,6 +60,7 @@ def test_what_is_not_installed_is_left_out(monkeypatch):
     assert of_vector == {(1, 1), *((n, count) for n in (16, 256, 4096) for count in (1, 2))}
 
 
+@pytest.mark.whole
 def test_the_file_has_ratios_and_its_numbers(monkeypatch, tmp_path):
     cart = Case("Gymnasium", step_time.CART, 1, 1, lambda n: gym.make(step_time.CART), lambda n: 1)
     own = [case for case in step_time.cases(quick=True)[0] if case.program == "steer-env" and case.rows == 1]

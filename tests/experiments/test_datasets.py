@@ -2,6 +2,7 @@
 
 import json
 
+import minari
 import numpy as np
 import pytest
 
@@ -11,8 +12,6 @@ from steer_env.experiments.learning import controllers
 from steer_env.experiments.learning.constants import QUALITIES
 from steer_env.registration import DRIVEN
 
-minari = pytest.importorskip("minari")
-pytest.importorskip("h5py")
 WEAVE = "steer_env/AssistWeave-v3"
 
 

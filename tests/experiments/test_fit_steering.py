@@ -17,6 +17,7 @@ from steer_env.hand_torque import prepared
 from steer_env.hand_torque.model import stretched
 from steer_env.recording import Recording
 from steer_env.vehicle import cars
+from tests.needs import needs
 from tests.synthetic import hand_torque as synthetic
 from tests.synthetic.faults import NOISE
 
@@ -72,6 +73,7 @@ def made_by(car, law, seed=3, torques=BAR, noise=0.0):
     return Recording(made.time, channels, {name: made.units[name] for name in kept})
 
 
+@pytest.mark.whole
 def test_the_car_that_made_a_drive_is_found():
     """Boost, damping and friction that a drive was made with are found from those of the packaged car."""
     base = cars.load("compact", {"steering.friction_load": 0.0})
@@ -136,6 +138,7 @@ def test_friction_above_the_bar_is_told_from_friction_below(truth, torques):
     assert fit.shown == {name: value > 0.0 for name, value in true.items()}
 
 
+@pytest.mark.whole
 def test_what_is_told_of_both_sites_drives_a_car(tmp_path):
     found, fit = told("both")
     steering_fit.write(tmp_path / "out", found, "drive", fit, {"command": []})
@@ -191,9 +194,9 @@ def test_an_unknown_drive_is_refused(capsys):
     assert "no packaged drive" in refused(capsys, "nothing")
 
 
+@needs("can", "cantools")
 def test_a_torque_in_counts_and_an_assistance_that_steers_are_refused(capsys):
     """The CAN log of another car, whose assistance steered most of the time and whose torque has no calibration."""
-    pytest.importorskip("can")
     log = (
         str(CAN_LOG / "rav4_2017_can_60s.log.gz"), "--dbc", str(CAN_LOG / "toyota_rav4_2017.dbc"),
         "--mapping", str(CAN_LOG / "rav4.toml"),

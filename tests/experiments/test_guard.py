@@ -4,10 +4,12 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-pytest.importorskip("stable_baselines3")
 from steer_env.experiments.learning.guard import Guard, GuardedVecEnv
 from steer_env.sb3 import SteerVecEnv
 from steer_env.tasks.assist_release import RELEASE_TIME
+from tests.needs import needs
+
+pytestmark = needs("stable_baselines3")
 
 WEAVE, RELEASE = "steer_env/AssistWeave-v3", "steer_env/AssistRelease-v4"
 

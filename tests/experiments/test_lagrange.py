@@ -5,14 +5,14 @@ import json
 import numpy as np
 import pytest
 from gymnasium import spaces
-
-pytest.importorskip("stable_baselines3")
-
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv
 
 from steer_env.experiments.learning import lagrange, policy
 from steer_env.experiments.learning.lagrange import PenalisedVecEnv
 from steer_env.experiments.learning.training import Training
+from tests.needs import needs
+
+pytestmark = needs("stable_baselines3")
 
 
 class Constant(VecEnv):

@@ -68,6 +68,7 @@ def test_explicit_euler_diverges_for_lugre_between_2_and_10_ms():
         assert not worst < 10.0 * peak  # NaN where it has overflown
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("law", MOST)
 def test_backward_euler_is_bounded_but_only_good_to_per_cents(law):
     found = zip(twelve_cases(law), twelve_references(law), TWELVE, strict=True)

@@ -12,6 +12,9 @@ from steer_env.experiments.calibration import screening, sensitivity, sensitivit
 from steer_env.experiments.calibration.variation import Block, Outputs, Study
 from steer_env.experiments.cli.main import main
 from steer_env.vehicle import cars
+from tests.needs import needs
+
+pytestmark = needs("SALib")
 
 LAW = friction.make("lugre")
 PAIR = ("boost_level", "damping_level")

@@ -22,6 +22,7 @@ from steer_env.experiments.cli.main import main, parsed
 from steer_env.experiments.sweep import dask_cluster, store, work
 from steer_env.experiments.sweep.sweep import key_of
 from tests.experiments import sweep_cases as cases
+from tests.needs import needs
 
 TWO = sweep.Where(2)
 PLACES = [TWO, sweep.Where(2, "local")]
@@ -348,6 +349,7 @@ def dask_worker(address, *options):
             worker.kill()
 
 
+@needs("distributed")
 def test_a_cluster_that_is_not_there_is_said_at_once(port):
     start = time.monotonic()
     with pytest.raises(sweep.LostError, match=f"there is no Dask scheduler at tcp://127.0.0.1:{port}"):
@@ -355,6 +357,7 @@ def test_a_cluster_that_is_not_there_is_said_at_once(port):
     assert time.monotonic() - start < 10.0
 
 
+@needs("distributed")
 def test_an_encrypted_cluster_needs_a_certificate():
     with pytest.raises(ValueError, match="needs a certificate of this client"):
         sweep.run(cases.rooted, [1], where=sweep.Where(1, "tls://127.0.0.1:8786"))

@@ -2,14 +2,13 @@
 
 import math
 
+import mujoco
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 from steer_env import friction
 from steer_env.friction import law
-
-mujoco = pytest.importorskip("mujoco")
 
 H, INERTIA = 1e-3, 0.01  # [s], [kg m²]
 LUGRE = "lugre,F_c=1,sigma_0=1000,sigma_1=2"

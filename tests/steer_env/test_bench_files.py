@@ -9,6 +9,7 @@ from scipy import io
 
 from steer_env.recording.files import read, write
 from steer_env.recording.recording import DEGREE
+from tests.needs import needs
 from tests.steer_env.recorded import made_weave, mapped, refusal
 
 weave = pytest.fixture(made_weave)
@@ -52,7 +53,7 @@ def test_utf_16_of_either_byte_order_is_read(tmp_path):
     assert "line 3 holds bytes that are not utf-16-le: is it complete?" in refusal(path)
 
 
-@pytest.mark.parametrize("suffix", [".csv", ".mat", ".mf4"])
+@pytest.mark.parametrize("suffix", [".csv", ".mat", pytest.param(".mf4", marks=needs("asammdf"))])
 def test_a_channel_without_a_number_is_kept_out(weave, tmp_path, suffix):
     """The others are read, and the meta names it; where nothing is left the file is refused."""
     path = tmp_path / f"run{suffix}"

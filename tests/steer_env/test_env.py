@@ -27,6 +27,7 @@ from steer_env.tasks.common.reference_feel import reference_torque
 from steer_env.vehicle import cars, plant, road
 from steer_env.vehicle import tyre as tyres
 from steer_env.vehicle.chassis import two_track
+from tests.needs import needs
 
 IDS = tuple(DRIVEN)
 TUNED_ID = "steer_env/TuneOnCentre-v3"
@@ -66,10 +67,11 @@ def test_gymnasium_accepts(name, chassis, law):
     env = gym.make(id_of(name), friction=law, chassis=chassis)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        check_env(env.unwrapped)
+        check_env(env.unwrapped, skip_render_check=True)
     env.close()
 
 
+@needs("stable_baselines3")
 @pytest.mark.parametrize("name", REGISTERED)
 def test_stable_baselines3_accepts(name):
     from stable_baselines3.common.env_checker import check_env as check_for_sb3
@@ -305,8 +307,10 @@ def test_actions_in_the_forms_that_gymnasium_takes():
     vector.close()
 
 
+@needs("torch")
 def test_a_tensor_is_an_action():
-    torch = pytest.importorskip("torch")
+    import torch
+
     env = gym.make(IDS[0]).unwrapped
     env.reset(seed=0)
     env.step(torch.zeros(1))

@@ -7,12 +7,16 @@ from pathlib import Path
 import pytest
 
 from steer_env.experiments.cli.main import main
+from tests.needs import needs
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "recordings.md").read_text(encoding="utf-8")
 RUNS = re.findall(
     r"^```(sh|python)\n(.*?)^```\n\n?(?:.*?\n\n)??^```text\n(.*?)^```", PAGE, flags=re.DOTALL | re.MULTILINE
 )
+
+
+pytestmark = needs("can", "cantools")
 
 
 @pytest.fixture

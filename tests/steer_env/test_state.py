@@ -18,6 +18,7 @@ from steer_env.engine.kernels import advance, evaluate
 from steer_env.friction.numerics.kernel import COMPILED
 from steer_env.registration import DRIVEN
 from steer_env.vehicle import road
+from tests.needs import needs
 
 LANE, WEAVE = "steer_env/DriverLaneKeeping-v3", "steer_env/AssistWeave-v3"
 EVERYTHING = {"load": (0, 300), "friction_level": (0.5, 1.5), "sensor_noise": (0.5, 1), "delay": (0, 0.05)}
@@ -319,6 +320,7 @@ def test_a_state_of_another_driver_law_version_or_size_is_refused():
         state.row(1)
 
 
+@needs("pygame")
 @every_way
 def test_pictures_of_a_copy(way):
     """A pickled picture shows the same; a state brings no trace along."""

@@ -43,6 +43,7 @@ def test_every_id_has_known_sets():
     assert {id_of(known["scenario"]) for known in KNOWN} == set(TUNED)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("known", _cases())
 def test_a_hundred_random_sets_stay_below_95_percent(known):
     env, info, share = _opened(known)
@@ -53,6 +54,7 @@ def test_a_hundred_random_sets_stay_below_95_percent(known):
     assert max(map(share, sets)) < 0.95
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("known", ON_CENTRE, ids=lambda known: str(known["seed"]))
 def test_a_search_that_learns_comes_near_the_ceiling(known):
     """By a hundred sets, from the start, of which it knows nothing."""

@@ -5,9 +5,7 @@ import zipfile
 from pathlib import Path
 from xml.etree import ElementTree
 
-import pytest
-
-fmpy = pytest.importorskip("fmpy", reason="the extra fmu is not installed")
+import fmpy
 
 # Name -> causality, variability, unit; the position is the value reference.
 VARIABLES = {

@@ -4,6 +4,7 @@ import json
 import shutil
 from dataclasses import replace
 
+import fmpy
 import numpy as np
 import pytest
 
@@ -16,7 +17,6 @@ from steer_env.experiments.reports.report_results import Scope
 from steer_env.friction import make
 from steer_env.vehicle import cars, plant, subsystems
 
-fmpy = pytest.importorskip("fmpy", reason="the extra fmu is not installed")
 if shutil.which("cc") is None:
     pytest.skip("there is no C compiler", allow_module_level=True)
 

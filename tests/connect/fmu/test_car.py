@@ -13,8 +13,10 @@ import zipfile
 from itertools import product
 from pathlib import Path
 
+import fmpy
 import numpy as np
 import pytest
+from fmpy import validation
 
 from steer_env import friction, manoeuvres
 from steer_env.connect import fmu
@@ -23,9 +25,8 @@ from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.kernel import bind
 from steer_env.vehicle import cars, plant, subsystems
 from tests.connect.fmu.runs import STEP, begin, bits, hand_names, opened, replay
+from tests.needs import needs
 
-fmpy = pytest.importorskip("fmpy", reason="the extra fmu is not installed")
-validation = pytest.importorskip("fmpy.validation", reason="the extra fmu is not installed")
 if shutil.which("cc") is None:
     pytest.skip("there is no C compiler", allow_module_level=True)
 
@@ -385,9 +386,9 @@ def test_two_instances_do_not_know_of_each_other(weave, tmp_path):
         assert b.getReal(names[1]) == [0.0]
 
 
+@needs("libcosimpy")
 def test_libcosimpy_runs_it_alike(weave, tmp_path):
     """An importer that shares no code with fmpy."""
-    pytest.importorskip("libcosimpy", reason="libcosimpy is not installed")
     from libcosimpy.CosimExecution import CosimExecution
     from libcosimpy.CosimManipulator import CosimManipulator
     from libcosimpy.CosimObserver import CosimObserver

@@ -5,8 +5,11 @@ import subprocess
 import zipfile
 from pathlib import Path
 
+import fmpy
 import numpy as np
 import pytest
+from fmpy import validation
+from lxml import etree
 
 from steer_env import manoeuvres
 from steer_env.connect import fmu
@@ -17,9 +20,6 @@ from steer_env.vehicle.chassis.common.interface import WHEELS
 from steer_env.vehicle.subsystems.poses import with_poses
 from tests.connect.fmu.runs import STEP, bits
 
-fmpy = pytest.importorskip("fmpy", reason="the extra fmu is not installed")
-validation = pytest.importorskip("fmpy.validation", reason="the extra fmu is not installed")
-etree = pytest.importorskip("lxml.etree", reason="the extra fmu is not installed")
 if shutil.which("cc") is None:
     pytest.skip("there is no C compiler", allow_module_level=True)
 

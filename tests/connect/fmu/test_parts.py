@@ -4,6 +4,7 @@ import shutil
 
 import numpy as np
 import pytest
+from fmpy import validation
 
 from steer_env.connect import fmu
 from steer_env.vehicle import cars, plant, road
@@ -12,8 +13,6 @@ from steer_env.vehicle.layout import layout_of
 from steer_env.vehicle.subsystems.car import NAMED
 from tests.connect.fmu.runs import begin, bits, opened, replay
 
-fmpy = pytest.importorskip("fmpy", reason="the extra fmu is not installed")
-validation = pytest.importorskip("fmpy.validation", reason="the extra fmu is not installed")
 if shutil.which("cc") is None:
     pytest.skip("there is no C compiler", allow_module_level=True)
 

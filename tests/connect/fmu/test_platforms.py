@@ -7,15 +7,14 @@ import sys
 import zipfile
 from pathlib import Path
 
+import fmpy
 import numpy as np
 import pytest
+from fmpy import validation
 
 from steer_env.connect import fmu
 from steer_env.connect.fmu.object_code import PLATFORMS
 
-fmpy = pytest.importorskip("fmpy", reason="the extra fmu is not installed")
-validation = pytest.importorskip("fmpy.validation", reason="the extra fmu is not installed")
-pytest.importorskip("ziglang", reason="the extra fmu is not installed")
 if shutil.which("cc") is None:
     pytest.skip("there is no C compiler", allow_module_level=True)
 

@@ -12,6 +12,9 @@ from steer_env.experiments.explore import beside
 from steer_env.experiments.reports import car_page
 from steer_env.vehicle import cars
 from tests.experiments.explore.cases import READY, SITES
+from tests.needs import needs
+
+pytestmark = needs("ziglang")
 
 LAWS = {"own": "lugre,F_c=1.2,sigma_1=3", "far": "lugre,F_c=99", "finer": "masing,elements=20"}
 

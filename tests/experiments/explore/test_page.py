@@ -14,6 +14,9 @@ from steer_env.experiments import explore
 from steer_env.vehicle.keys import checked
 from tests.experiments.explore.cases import CHANGED, READY, SITES, address, evaluated, in_both
 from tests.experiments.explore.chromium import Chromium, chromium_needed
+from tests.needs import needs
+
+pytestmark = needs("ziglang")
 
 UNSTABLE = {"column.K_tb": 290.0, "column.I2": 0.02}
 

@@ -6,6 +6,9 @@ from steer_env import manoeuvres, metrics, recording
 from steer_env.manoeuvres.common import driving
 from steer_env.vehicle import cars
 from tests.experiments.explore.cases import READY, address, in_both
+from tests.needs import needs
+
+pytestmark = needs("ziglang")
 
 TOLD = "document.querySelector('#recording p')"
 LAID = "[...document.querySelectorAll('#metrics thead th')].some((cell) => cell.textContent.startsWith('R,'))"

@@ -9,6 +9,9 @@ import pytest
 from steer_env.experiments import explore
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.explore import policies
+from tests.needs import needs
+
+pytestmark = needs("ziglang")
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,9 @@ import pytest
 from steer_env.live import devices
 from steer_env.live.devices import DeviceError
 from tests.live.devices.stages import DBC, CanStage
+from tests.needs import needs
+
+pytestmark = needs("can", "cantools")
 
 
 @pytest.fixture

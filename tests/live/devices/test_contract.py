@@ -7,6 +7,9 @@ import pytest
 from steer_env.live import devices
 from steer_env.live.devices import COMMANDS, DeviceError
 from tests.live.devices.stages import STAGES, TIMEOUT
+from tests.needs import needs
+
+pytestmark = needs("can", "evdev", "pygame", "sdl2")
 
 MOTORS = [name for name, stage in STAGES.items() if stage.motor]
 GO = [name for name in STAGES if name not in ("mouse", "keyboard")]  # what can be unplugged
@@ -196,7 +199,8 @@ def test_a_motor_that_refuses_says_so(stage):
 
 @every
 def test_commands_come_from_the_keyboard_beside_every_device(stage):
-    pygame = pytest.importorskip("pygame")
+    import pygame
+
     with stage.make() as device:
         press = [pygame.event.Event(pygame.KEYDOWN, key=key) for key in (pygame.K_TAB, pygame.K_7, pygame.K_SPACE)]
         stage.turn(0.1)

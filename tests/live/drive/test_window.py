@@ -13,6 +13,9 @@ from steer_env.live.real_time.safety import PHASES
 from steer_env.rendering.panels import COLOURS, CONE, TOUCHED, WANTED, Pose
 from steer_env.vehicle import cars
 from steer_env.vehicle.plant import CHANNEL, CHANNELS
+from tests.needs import needs
+
+pytestmark = needs("pygame")
 
 INFOS = tuple(
     ConfigurationInfo(f"configuration of {law}", "compact", law, "boost curve", "two_track")
@@ -93,7 +96,8 @@ def test_the_wanted_angle_is_a_mark_on_the_rim():
 
 
 def test_f11_fills_the_screen_and_ends_that():
-    pygame = pytest.importorskip("pygame")
+    import pygame
+
     car = cars.load("compact")
     made = Window(Scene("plain", car), [car])
     made.open()
