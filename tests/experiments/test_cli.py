@@ -171,3 +171,21 @@ def test_a_new_car_file_replaces_none_and_takes_settings(tmp_path, monkeypatch, 
         except SystemExit as stop:
             code = stop.code
         assert (code, message in capsys.readouterr().err) == (2, True), options
+
+
+# Those of the core that no other test runs to its end without the whole suite.
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["report", "--friction", "viscous"],
+        ["study", "canudas1995"],
+        ["serve", "--describe", "json"],
+        ["real-time", "--friction", "coulomb", "--seconds", "0.5"],
+        ["drive", "--device", "fake", "--headless", "--seconds", "2", "--friction", "coulomb"],
+    ],
+    ids=lambda words: words[0],
+)
+def test_a_command_of_the_core_does_its_work(words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(words) == 0
+    assert capsys.readouterr().out or any(tmp_path.iterdir())

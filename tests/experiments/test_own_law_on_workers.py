@@ -153,7 +153,9 @@ def test_workers_import_the_law_before_they_work(command, written, monkeypatch, 
         raise StoppedError(workers, [task.modules for task in tasks.values()])
 
     monkeypatch.setattr(sweep.processes, "outcomes", sent)
-    monkeypatch.setattr(sweep, "run", lambda _, cases, *, notify=None, words=None, store=None, **given: asked(**given))
+    monkeypatch.setattr(
+        sweep, "run", lambda _, cases, *, notify=None, words=None, store=None, cost=None, **given: asked(**given)
+    )
     with pytest.raises(StoppedError) as found:
         run(COMMANDS[command])
     workers, modules = found.value.args
