@@ -1,4 +1,4 @@
-"""The house rules that a machine can check and no tool of ``make check`` does: what is installed, and how code is written."""
+"""The house rules that no tool of ``make check`` knows: what is installed, and how code is written."""
 
 import ast
 import itertools
