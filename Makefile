@@ -14,7 +14,7 @@ report: .venv/.stamp
 
 # What a contributor runs: the core, and the tests that need no more; the command has the seed of the property tests.
 test: .venv-test/.stamp
-	.venv-test/bin/python $(PYTEST) -m "not whole" --skipped-to $(SKIPPED)
+	.venv-test/bin/python $(PYTEST) -m "not whole" --skipped-to=$(SKIPPED)
 
 # Format, lint, types, direction of imports, spelling of the pages.
 check: .venv-test/.stamp-check
@@ -27,7 +27,7 @@ check: .venv-test/.stamp-check
 # The other tests, with every extra: those marked `whole`, and what `make test` skipped.
 test-whole: .venv-whole/.stamp
 	test -f $(SKIPPED) || $(MAKE) test
-	.venv-whole/bin/python $(PYTEST) --rest $(SKIPPED)
+	.venv-whole/bin/python $(PYTEST) --rest=$(SKIPPED)
 
 # The whole suite.
 test-all: test check test-whole

@@ -173,14 +173,13 @@ def test_a_new_car_file_replaces_none_and_takes_settings(tmp_path, monkeypatch, 
         assert (code, message in capsys.readouterr().err) == (2, True), options
 
 
-# Those of the core that no other test runs to its end without the whole suite.
+# Those of the core that no other test runs to its end without the whole suite, which has real-time, by the clock.
 @pytest.mark.parametrize(
     "words",
     [
         ["report", "--friction", "viscous"],
         ["study", "canudas1995"],
         ["serve", "--describe", "json"],
-        ["real-time", "--friction", "coulomb", "--seconds", "0.5"],
         ["drive", "--device", "fake", "--headless", "--seconds", "2", "--friction", "coulomb"],
     ],
     ids=lambda words: words[0],

@@ -3,13 +3,11 @@
 import gymnasium as gym
 import numpy as np
 import pytest
+import stable_baselines3  # noqa: F401, which the guard takes
 
 from steer_env.experiments.learning.guard import Guard, GuardedVecEnv
 from steer_env.sb3 import SteerVecEnv
 from steer_env.tasks.assist_release import RELEASE_TIME
-from tests.needs import needs
-
-pytestmark = needs("stable_baselines3")
 
 WEAVE, RELEASE = "steer_env/AssistWeave-v3", "steer_env/AssistRelease-v4"
 

@@ -405,6 +405,7 @@ def test_the_words_that_a_trace_keeps_do_not_tell_where_cases_ran():
     assert parsed(["train", "--env", "steer_env/AssistWeave-v3", "--resume"]).argv[-1] == "--resume"
 
 
+@needs("distributed")
 def test_options_are_checked_before_the_work_begins(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main(["run", "weave", "--workers", "2"]) == 2

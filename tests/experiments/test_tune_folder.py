@@ -11,6 +11,7 @@ import subprocess
 from types import SimpleNamespace
 
 import numpy as np
+import optuna  # noqa: F401, which a tuning takes
 import pytest
 
 from steer_env import friction, targets

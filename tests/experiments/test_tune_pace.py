@@ -1,5 +1,6 @@
 """The time that is left of a tuning, told while it runs: within a factor of 1.5 in the second half."""
 
+import optuna  # noqa: F401, which a tuning takes
 import pytest
 
 from steer_env.experiments.calibration import tuning
