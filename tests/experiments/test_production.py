@@ -168,6 +168,15 @@ def test_the_parameter_that_decides_is_named(faked):
     assert len(json.loads(json.dumps(data, allow_nan=False))["cars"]["weave.torque_at_0g"]) == 400
 
 
+def test_of_many_parameters_without_an_effect_none_is_told():
+    """At 5 % each by itself, four of these hundred would be told from none."""
+    rng = np.random.default_rng(0)
+    values = {f"own_{k}": rng.random(200) for k in range(100)}
+    found = production.drivers_of(values, rng.random(200) < 0.3)
+    assert len(found) == 100
+    assert not any(each.told for each in found)
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [

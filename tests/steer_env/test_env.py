@@ -471,7 +471,15 @@ def test_a_drawn_plant_is_that_of_its_car(env_id, chassis):
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    list(zip((*randomise.OF_MOTION, *randomise.OF_FRICTION), (9.0, 0.5, 20.0, 2.0, 0.1, 0.2, 0.3))),
+    [
+        ("load", 9.0),
+        ("road_friction", 0.5),
+        ("speed", 20.0),
+        ("friction_level", 2.0),
+        ("friction_load", 0.1),
+        ("friction_asymmetry", 0.2),
+        ("friction_position", 0.3),
+    ],
 )
 def test_each_condition_alone_changes_the_plant(name, value):
     batch = gym.make("steer_env/DriverLaneKeeping-v3", control_dt=0.01).unwrapped.batch

@@ -45,6 +45,16 @@ def test_a_ripple_stands_out_of_the_noise_or_is_refused():
     assert "of which noise alone would make 0.0" in found.reason
 
 
+def test_noise_does_not_add_to_the_ripple_of_parking():
+    """White noise of 0.6 N m at 1 kHz has a third of the power of the ripple in its band; it is left out to 2.5 %."""
+    clean, truth = parking(1000.0)
+    torque, found = clean["handwheel_torque"], []
+    for seed in range(20):
+        white = 0.6 * np.random.default_rng(seed).standard_normal(torque.size)
+        found.append(metrics.evaluate(changed(clean, handwheel_torque=torque + white))["handwheel_torque_ripple"].value)
+    assert np.mean(found) == pytest.approx(truth["handwheel_torque_ripple"], rel=0.025)
+
+
 @pytest.mark.parametrize("rate", [50.0, 200.0, 1000.0])
 def test_noise_in_band_is_judged_from_above(rate):
     """White noise of 0.05 N m through a low-pass at 10 Hz, within 5 %; jumps do not count."""

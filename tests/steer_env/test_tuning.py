@@ -85,6 +85,18 @@ def test_own_set_is_the_cars_assist(car):
             assert np.allclose(a, b, rtol=1e-14, atol=1e-16)
 
 
+def test_factors_at_standstill_end_at_100_kph():
+    a = cars.load().assist
+    own = {name: p.own(a) for name, p in parameters.PARAMETERS.items()}
+    changed = parameters.keys(a, own | {"boost_low_speed": 1.5, "damping_low_speed": 3.0})
+    fast = a.speeds >= parameters.HIGH_SPEED
+    assert fast.sum() > 2
+    assert np.array_equal(changed["boost"][fast], a.boost[fast])
+    assert np.array_equal(changed["damping"][fast], a.damping[fast])
+    assert changed["boost"][0] == pytest.approx(1.5 * a.boost[0])
+    assert changed["damping"][0] == pytest.approx(3.0 * a.damping[0])
+
+
 def test_more_boost_is_lighter(tried):
     for name in ("torque_gradient_at_0p1g", "torque_at_0p1g", "steady_step_torque", "handwheel_torque_peak"):
         assert tried["boosted"][name] < tried["own"][name] < tried["weak"][name], name

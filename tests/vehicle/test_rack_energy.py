@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from steer_env.vehicle import cars
+from steer_env.vehicle import cars, road
 from steer_env.vehicle.chassis import single_track, two_track
 from steer_env.vehicle.chassis.two_track import PITCH, ROLL, TRAVEL, TRAVEL_RATE, P, Q, W, Z
 from steer_env.vehicle.constants import GRAVITY as G
@@ -87,10 +87,24 @@ def test_rack_force_jumps_where_a_braked_wheel_locks():
         x[two_track.OMEGA] = omega  # the left front wheel
         _, out, value = code(p, x, rack, 0.0, u)
         force.append(value)
-    road = abs(out[OUT["road_torque_front_left"]] + 0.5 * out[OUT["front_drive_torque"]])
+    given = abs(out[OUT["road_torque_front_left"]] + 0.5 * out[OUT["front_drive_torque"]])
     pose = CAR.strut.solve(rack - x[two_track.COMPLIANCE], x[TRAVEL])
-    work, less = load_coefficients(pose), p.chassis.brakes.front - road
+    work, less = load_coefficients(pose), p.chassis.brakes.front - given
     expected = less / p.chassis.body[0].R_e * float(work.F_x_centre - work.F_x_contact)
     expected -= less * float(pose.per_travel.rotation[1] * work.F_z_centre)  # the wheel falls as its anti-dive is lost
     assert force[1] - force[0] == pytest.approx(expected, rel=1e-4)
     assert abs(expected) > 300.0
+
+
+def test_a_road_that_rises_under_a_wheel_pushes_it_back():
+    """The road pushes normal to its surface, through the wheel's centre; what that takes off the strut is below 1 %."""
+    p, force, out = CAR.plant(speed=20.0, chassis="two_track"), [], np.zeros(0)
+    x = straight(p)
+    for slope in (0.0, 0.05):
+        under = road.WheelRoad(slope_front_left=slope)
+        _, out, value = code(p._replace(chassis=p.chassis._replace(road=under)), x)
+        force.append(value)
+    work = load_coefficients(CAR.strut.solve(-x[two_track.COMPLIANCE], x[TRAVEL]))
+    pushed = -0.05 * out[OUT["wheel_load_front_left"]]
+    assert force[1] - force[0] == pytest.approx(-pushed * float(work.F_x_centre), rel=0.01)
+    assert abs(force[1] - force[0]) > 100.0
