@@ -61,7 +61,7 @@ def test_frames(name):
     two.close()
 
 
-@pytest.mark.parametrize("name", ["steer_env/AssistLaneChange-v3", "steer_env/DriverParking-v3"])
+@pytest.mark.parametrize("name", IDS)
 def test_gymnasium_accepts_the_pictures(name):
     check_env(gym.make(name, render_mode="rgb_array").unwrapped)  # the suite takes a warning for an error
 
