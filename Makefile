@@ -1,7 +1,7 @@
 PYTHON ?= python3
 SEED := $(shell date +%s)
 PYTEST = -m pytest --numprocesses auto --dist worksteal --hypothesis-profile=random --hypothesis-seed=$(SEED)
-SKIPPED = build/skipped-tests.txt
+RUN = build/tests-run.txt
 
 # The tests start many processes, which would compile every module that they import.
 unexport PYTHONDONTWRITEBYTECODE
@@ -14,7 +14,7 @@ report: .venv/.stamp
 
 # What a contributor runs: the core, and the tests that need no more; the command has the seed of the property tests.
 test: .venv-test/.stamp
-	.venv-test/bin/python $(PYTEST) -m "not whole" --skipped-to=$(SKIPPED)
+	.venv-test/bin/python $(PYTEST) -m "not whole" --run-to=$(RUN)
 
 # Format, lint, types, direction of imports, spelling of the pages.
 check: .venv-test/.stamp-check
@@ -24,10 +24,10 @@ check: .venv-test/.stamp-check
 	.venv-test/bin/lint-imports
 	.venv-test/bin/typos --format brief *.md docs/*.md
 
-# The other tests, with every extra: those marked `whole`, and what `make test` skipped.
+# Every test that `make test` did not run, with every extra: those marked `whole`, and what it skipped.
 test-whole: .venv-whole/.stamp
-	test -f $(SKIPPED) || $(MAKE) test
-	.venv-whole/bin/python $(PYTEST) --rest=$(SKIPPED)
+	test -f $(RUN) || $(MAKE) test
+	.venv-whole/bin/python $(PYTEST) --rest-of=$(RUN)
 
 # The whole suite.
 test-all: test check test-whole
@@ -75,4 +75,4 @@ docs: .venv-docs/.stamp
 	touch $@
 
 clean:
-	rm -rf .venv .venv-test .venv-whole .venv-docs build/skipped-tests.txt build/docs build/docs-kept build/docs-sources build/docs-drawn report
+	rm -rf .venv .venv-test .venv-whole .venv-docs build/tests-run.txt build/docs build/docs-kept build/docs-sources build/docs-drawn report

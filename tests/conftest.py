@@ -40,15 +40,16 @@ settings.load_profile("suite")
 
 # Folders whose tests belong to the whole suite: they take compilers, browsers, devices, networks, or the clock.
 WHOLE = ("connect", "experiments/explore", "live/devices", "live/drive")
-# What the registry of Python does not have, and without which a test may be skipped in the whole suite too.
+# What no extra brings: programs, and a package whose pins exclude ours. Without them the whole suite may skip a test.
 FOREIGN = re.compile("wine|valgrind|Chromium|Firefox|TypeScript|moviepy")
 
+_run: set[str] = set()
 _skipped: dict[str, str] = {}  # test, or module of tests -> reason
 
 
 def pytest_addoption(parser):
-    parser.addoption("--skipped-to", type=Path, help="write the tests that were skipped to a file")
-    parser.addoption("--rest", type=Path, help="run the whole suite's tests and those of a file of skipped ones")
+    parser.addoption("--run-to", type=Path, help="write the names of the tests that ran to a file")
+    parser.addoption("--rest-of", type=Path, help="the whole suite but for the tests that such a file names")
 
 
 class _Module(pytest.Module):
@@ -61,7 +62,8 @@ class _Module(pytest.Module):
             cause = error.__cause__
             if not (isinstance(cause, ModuleNotFoundError) and _imported_here(cause.__traceback__)):
                 raise
-            pytest.skip(f"needs {cause.name}", allow_module_level=True)
+            # xdist passes on one of several modules that say the same.
+            pytest.skip(f"{self.nodeid} needs {cause.name}", allow_module_level=True)
 
 
 def _imported_here(traceback):
@@ -80,14 +82,15 @@ def pytest_collection_modifyitems(config, items):
     for item in items:
         if any(item.path.is_relative_to(TESTS / folder) for folder in WHOLE):
             item.add_marker("whole")
-    if file := config.getoption("rest"):
-        skipped = tuple(file.read_text(encoding="utf-8").splitlines())
-        rest = [item for item in items if item.get_closest_marker("whole") or item.nodeid.startswith(skipped)]
-        config.hook.pytest_deselected(items=[item for item in items if item not in rest])
-        items[:] = rest
+    if file := config.getoption("rest_of"):
+        run = set(file.read_text(encoding="utf-8").splitlines())
+        config.hook.pytest_deselected(items=[item for item in items if item.nodeid in run])
+        items[:] = [item for item in items if item.nodeid not in run]
 
 
 def pytest_runtest_logreport(report):
+    if report.when == "call" or report.failed:
+        _run.add(report.nodeid)
     pytest_collectreport(report)
 
 
@@ -97,14 +100,14 @@ def pytest_collectreport(report):
 
 
 def pytest_sessionfinish(session):
-    """Keep what was skipped; in the whole suite, which has every extra, a skip is a failure."""
+    """Keep what ran; in the whole suite, which has every extra, a skip is a failure."""
     if hasattr(session.config, "workerinput"):
         return
-    if file := session.config.getoption("skipped_to"):
+    if file := session.config.getoption("run_to"):
         file.parent.mkdir(exist_ok=True)
-        file.write_text("".join(f"{test}\n" for test in sorted(_skipped)), encoding="utf-8")
+        file.write_text("".join(f"{test}\n" for test in sorted(_run - {*_skipped})), encoding="utf-8")
     lacking = {test: reason for test, reason in _skipped.items() if not FOREIGN.search(reason)}
-    if session.config.getoption("rest") and lacking:
+    if session.config.getoption("rest_of") and lacking:
         print("\nskipped, though everything is to be there:", *map(": ".join, lacking.items()), sep="\n")
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
 

@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.needs import needs
+
 DOCS = Path(__file__).parents[1] / "docs"
 PAGES = ("walkthrough", "friction_laws", "learning", "fmu", "driving")
 # What a test has, and what it does not wait for: the package with its extras, and minutes of training.
@@ -52,8 +54,11 @@ def words(line, clock):
     return re.sub(r"[-\d.]+", "0", line) if clock else line
 
 
+PACKAGES = {"learning": ["stable_baselines3"], "fmu": ["fmpy"], "driving": ["pygame"]}
+
+
 @pytest.mark.whole
-@pytest.mark.parametrize("page", PAGES)
+@pytest.mark.parametrize("page", [pytest.param(page, marks=needs(*PACKAGES.get(page, []))) for page in PAGES])
 def test_tutorial(page, tmp_path):
     """Its commands run in ten minutes."""
     out, compared, until = "", 0, time.monotonic() + SECONDS

@@ -40,6 +40,10 @@ def test_everything_that_is_frozen_into_a_kernel_counts(monkeypatch):
     for changed in (3.0, 2, np.float32(2.0), -2.0, np.array([2.0])):
         monkeypatch.setattr(sys.modules[__name__], "FACTOR", changed)
         assert stamp(outer, (), "numba") != before
+    monkeypatch.setattr(sys.modules[__name__], "FACTOR", factors := np.array([2.0]))
+    of_two = stamp(outer, (), "numba")
+    factors[0] = 3.0  # the same array
+    assert stamp(outer, (), "numba") not in (before, of_two)
     monkeypatch.setattr(sys.modules[__name__], "FACTOR", 2.0)
     assert stamp(outer, (), "numba") == before
 

@@ -2,9 +2,9 @@
 
 Every round runs each block once, of about a millisecond, every second round in the reverse order; a block whose ratio
 is known closely drops out. A ratio is that of two blocks of one round, so that what slows the machine for longer than a
-round slows both. Times are those of the
-processor in this thread, without the time in which other programs have it. Before each block a bare loop of fixed
-arithmetic is timed too: where it waits for the processor for long, or its time varies, times are not measurable.
+round slows both. Times are those of the processor in this thread, without the time in which other programs have it.
+Before each block a bare loop of fixed arithmetic is timed too: where it waits for the processor for long, or its time
+varies, times are not measurable.
 """
 
 import gc
@@ -154,8 +154,6 @@ def in_turns(
             if (i + 1) % LEAST_ROUNDS == 0:  # what is known closely needs no more rounds, nor what nothing needs
                 wide = [name for name, cost in _costs(times, base).items() if _width(cost) > NARROW]
                 left = [name for name in left if name in wide or name in map(base, wide)]
-                if not left:
-                    break
     quick, slow = np.percentile(beside, (100.0 - LATE, LATE))
     costs = _costs(times, base)
     width = max(map(_width, costs.values()))
