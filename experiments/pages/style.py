@@ -226,6 +226,8 @@ _LEFT_OUT = re.compile(
     r'<\?.*?\?>|<!.*?>|<metadata>.*?</metadata>|(?<=>)\s+(?=<)|(?<=\n) +| transform="rotate\(-0 [^"]*"', re.DOTALL
 )
 _GROUP = re.compile(r"<g>|<g [^>]*>|</g>")
+_FAMILY = re.compile(r"font-family: [^;]*; ")
+_CLIPPED = re.compile(r'clip-path="url\(#([^)]*)\)" class="([^"]*)"')
 _NAME = re.compile(r' id="([^"]*)"')
 _STYLE = re.compile(r'style="([^"]*)"')
 _REFERENCE = re.compile(r'="#([^"]*)"|url\(#([^)]*)\)')
@@ -234,8 +236,9 @@ _REFERENCE = re.compile(r'="#([^"]*)"|url\(#([^)]*)\)')
 def smaller(svg: str) -> str:
     """A picture that looks the same with about a third of the text.
 
-    Coordinates are rounded to a tenth of a point of paper and given from one point to the next, every style is written
-    once, names that are referred to are short, and what has no effect goes: metadata, other names, bare groups.
+    Coordinates are rounded to a tenth of a point of paper and given from one point to the next, every style, every edge
+    that cuts and the first family of fonts are written once, names that are referred to are short, and what has no
+    effect goes: metadata, other names, bare and empty groups.
     """
     used = dict.fromkeys(name for pair in _REFERENCE.findall(svg) for name in pair if name)
     short = {name: f"i{k}" for k, name in enumerate(used)}
@@ -251,8 +254,13 @@ def smaller(svg: str) -> str:
         return f'class="{styles.setdefault(found[1], f"s{len(styles)}")}"'
 
     text = _REFERENCE.sub(referred, _NAME.sub(named, _LEFT_OUT.sub("", svg)))
-    text = _PATH.sub(_stepwise, _PLACES.sub(_rounded, _STYLE.sub(classed, text)))
+    text = _PATH.sub(_stepwise, _PLACES.sub(_rounded, _STYLE.sub(classed, text))).replace("<g/>", "")
+    clips = dict.fromkeys(found[1] for found in _CLIPPED.finditer(text))
+    text = _CLIPPED.sub(r'class="\2 \1"', text)
     sheet = "".join(f".{name}{{{style}}}" for style, name in styles.items())
+    sheet += "".join(f".{name}{{clip-path: url(#{name})}}" for name in clips)
+    if family := _FAMILY.search(sheet):
+        sheet = f"text{{{family[0]}}}{sheet.replace(family[0], '')}"
     return re.sub(r"(<svg[^>]*>)", rf"\1<style>{sheet}</style>", _ungrouped(text), count=1)
 
 

@@ -173,10 +173,23 @@ def test_a_smaller_picture_is_the_same_picture():
     for one, other in zip(before.iter(path), after.iter(path), strict=True):
         points = [float(x) for x in re.findall(r"-?\d+\.?\d*", one.get("d", ""))]
         assert _absolute(other.get("d", "")) == pytest.approx(points, abs=0.0501)
-    classes = {each.get("class") for each in after.iter() if each.get("class")}
-    assert all(f".{name}{{" in small for name in classes)
+    rules = dict(re.findall(r"([.\w]+)\{([^}]*)\}", small))
+    assert all(f".{name}" in rules for each in after.iter() for name in each.get("class", "").split())
+    cut = [one.get("clip-path") is not None for one in before.iter(path)]
+    assert [
+        any("clip" in rules[f".{name}"] for name in other.get("class", "").split()) for other in after.iter(path)
+    ] == cut
+    assert any(cut)
+    for one, other in zip(before.iter(text), after.iter(text), strict=True):
+        shown = f"{rules['text']}; {rules['.' + other.get('class')]}"
+        assert _declared(shown) == _declared(one.get("style"))
     assert pages.image(drawn).startswith("data:image/svg+xml,<svg")
     assert not set('"&#') & set(pages.image(drawn))  # which would end the attribute, or the address
+
+
+def _declared(style):
+    """Property -> value of a style."""
+    return dict(tuple(part.strip() for part in each.split(":")) for each in style.split(";") if each.strip())
 
 
 def _absolute(path):
