@@ -12,6 +12,7 @@ import math
 import time
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, Generic, NamedTuple, TypeVar
 
@@ -81,7 +82,8 @@ class Cost(NamedTuple):
     ratio: Estimate
 
 
-class Measured(NamedTuple, Generic[K]):
+@dataclass(frozen=True)  # a named tuple of a generic type needs Python 3.11
+class Measured(Generic[K]):
     """Costs by block; none where they are not measurable now."""
 
     load: Load
