@@ -665,6 +665,18 @@ def test_hand_brake_holds_on_a_grade():
     assert rear == pytest.approx(C["mass"] * G * math.sin(math.atan(0.15)), rel=1e-3)
 
 
+@pytest.mark.parametrize("held", [{"brake": 1.0}, {"hand_brake": 1.0}])
+def test_a_ramp_shifts_load_by_the_height_of_the_mass(held):
+    """At rest on a road that rises, by statics: the mass is behind where it is on level ground by h times the pitch."""
+    slope = 0.05
+    heights = slope * np.interp(np.arange(0.0, 40.0, 0.05), [0.0, 10.0, 30.0, 40.0], [0.0, 10.0, -10.0, 0.0])
+    p = make(0.0, robot=False, road=road.make_road(heights=[heights, heights]))
+    record, _ = run(p, inputs(20_000, coast=1.0, **held), last=True)
+    loads, pitch = each(record[0], "wheel_load"), -at(record[0], "pitch_angle")
+    assert pitch == pytest.approx(slope, rel=0.1)
+    assert loads[2:].sum() / loads.sum() - D.F_zr / (D.F_zf + D.F_zr) == pytest.approx(D.h * pitch / L, rel=0.01)
+
+
 def test_a_stopped_car_rocks_and_rests():
     """Wheels locked from 30 km/h: mu g, a rebound of at most 5 cm and 0.7 m/s, then rest; no energy is gained."""
     p = make(30.0 * KPH)

@@ -62,7 +62,7 @@ def symmetric_sum(x):
 
 
 @part
-def external_load(d, frame, body, u, F_z, engine, out):
+def external_load(d, frame, body, u, upwards, engine, out):
     """Load of wheels, air, wind and gravity on the whole car.
 
     Parameters
@@ -72,8 +72,8 @@ def external_load(d, frame, body, u, F_z, engine, out):
     body : Motion
     u : (I,) array
         Inputs.
-    F_z : vector of four
-        Wheel loads [N].
+    upwards : vector of four
+        Force of the road on each wheel upwards [N].
     engine : float
         Torque that accelerates the engine [N m].
     out : (O,) array
@@ -84,7 +84,7 @@ def external_load(d, frame, body, u, F_z, engine, out):
     along = symmetric_sum(load(out, FORCE_X)) - math.copysign(d.drag * speed_2, body.V_x)
     F_x = along + d.m * (d.g_x * frame.c_y + d.g_y * frame.s_y)
     F_y = side_force + d.m * (d.g_y * frame.c_y - d.g_x * frame.s_y)
-    F_up = symmetric_sum(F_z) + (d.lift_f + d.lift_r) * speed_2 + d.m * d.g_z
+    F_up = symmetric_sum(upwards) + (d.lift_f + d.lift_r) * speed_2 + d.m * d.g_z
     N_x = symmetric_sum(load(out, MOMENT_X))
     N_y = symmetric_sum(load(out, MOMENT_Y)) + engine + (d.b * d.lift_r - d.a * d.lift_f) * speed_2
     N_z = symmetric_sum(load(out, MOMENT_Z)) + u[WIND_MOMENT]

@@ -71,11 +71,11 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
     slip_rates(d, c, forces, ground.F_z, slip, x, dx)
 
     torques = wheel_torques(d, axles, forces, omega)
-    lifting = forces_on_body(d, frame, x, wheels, ground, slip, forces, torques, out)
-    left, right = rack_force(d, wheels, ground, forces, torques, lifting)
+    F_up, lifting = forces_on_body(d, frame, x, wheels, ground, slip, forces, torques, out)
+    left, right = rack_force(d, wheels, ground, forces, torques, F_up, lifting)
     engine = wheel_accelerations(p, x, torques, dx, out)
 
-    total = external_load(d, frame, body, u, ground.F_z, engine, out)
+    total = external_load(d, frame, body, u, F_up, engine, out)
     accelerations(d, less_gyroscopic(d, x, total, omega), out, dx)
     kinematics(frame, body, x, dx)
     dx[COMPLIANCE] = (2.0 * (left - d.F_toe) / d.K_rack - x[COMPLIANCE]) / d.T_rack  # (P6)

@@ -113,11 +113,11 @@ def wheel_torques(d, axles, forces, omega):
 
 
 @part
-def rack_force(d, carriers, contact, forces, torques, lifting):
+def rack_force(d, carriers, contact, forces, torques, F_up, lifting):
     """Forces of the left and of the right front wheel on the rack, positive where they resist a left turn [N] (S7).
 
-    ``lifting`` is the force of the road along the travel of each wheel. The unsprung mass, anti-roll bar and bump stop
-    take the part of it that passes the strut.
+    ``F_up`` is the force of the road on each wheel upwards, ``lifting`` along its travel. The unsprung mass, anti-roll
+    bar and bump stop take the part of it that passes the strut.
     """
     knuckle, side = carriers.knuckle, sides()
     past_strut = lifting - carriers.strut_force  # (S9)
@@ -128,7 +128,7 @@ def rack_force(d, carriers, contact, forces, torques, lifting):
             side * braked,
             side * (forces.F_x - braked - contact.F_z * contact.slope),
             forces.F_y,
-            side * (contact.F_z - past_strut),
+            side * (F_up - past_strut),
             forces.M_x + side * kinematics_table.overturning(knuckle, d.R_l, past_strut),
             forces.M_z,
         )
@@ -140,35 +140,39 @@ def rack_force(d, carriers, contact, forces, torques, lifting):
 def forces_on_body(d, frame, x, carriers, contact, slip, forces, torques, out):
     """Force and moment about O of each wheel on the body, and the force along its travel, to ``out`` (B8), (B9).
 
-    Returns the part of the force along the travel that the road exerts [N], a vector of four wheels.
+    Returns the upward force of the road on each wheel, and its part along the travel [N], vectors of four wheels.
     """
-    c, s, height, F_z = slip.c, slip.s, contact.height, contact.F_z
-    X = forces.F_x * c - forces.F_y * s - F_z * contact.slope  # (B8), the road pushes normal to its surface
+    c, s = slip.c, slip.s
+    along = forces.F_x * c - forces.F_y * s
+    # (B8), the road pushes normal to its surface and pulls along it
+    X = along - contact.F_z * contact.slope
+    F_up = contact.F_z + along * contact.slope
     Y = forces.F_x * s + forces.F_y * c  # (B8)
     arm = contact.y + contact.camber_offset
-    # F_x acts at the wheel centre, as its moment about the axle is the wheel's own; the other forces act on the ground.
-    grounded = height * (forces.F_y * s + F_z * contact.slope)  # B of (B8)
+    # The load points at the wheel centre. So F_x acts there, as its moment about the axle is the wheel's own; F_y acts on
+    # the ground.
+    grounded = contact.height * forces.F_y * s  # B of (B8)
     store(out, FORCE_X, X)
     store(out, FORCE_Y, Y)
-    store(out, MOMENT_X, arm * F_z - (contact.z - height) * Y + forces.M_x * c)  # (B8)
+    store(out, MOMENT_X, arm * F_up - (contact.z - contact.height) * Y + forces.M_x * c)  # (B8)
     store(  # (B8)
         out,
         MOMENT_Y,
-        contact.z * X + grounded - contact.x * F_z + forces.M_x * s + torques.brake - torques.drive,
+        contact.z * X + grounded - contact.x * F_up + forces.M_x * s + torques.brake - torques.drive,
     )
     store(out, MOMENT_Z, contact.x * Y - arm * X + forces.M_z)  # (B8)
     v_x, v_y, w_x, w_y = x[U], x[V], x[P], x[Q]
     # (B9)
     lifting = (
-        frame.a33 * F_z
-        + carriers.camber_gain * (contact.camber_offset * F_z + forces.M_x)
+        frame.a33 * F_up
+        + carriers.camber_gain * (contact.camber_offset * F_up + forces.M_x)
         + (frame.a13 + carriers.centre_x) * X
         + (frame.a23 + carriers.contact_y) * Y
         + carriers.pitch_gain * (torques.brake + grounded)
     )
     weight = per_axle(d.m_f, d.m_r) * (d.g_z + w_y * v_x - w_x * v_y)
     store(out, TRAVEL_FORCE, lifting - carriers.spring_force + weight)
-    return lifting
+    return F_up, lifting
 
 
 @part
