@@ -1,8 +1,9 @@
-"""Checks of parameter values at construction: one message, with the name, the value and what is allowed."""
+"""Checks of parameter values at construction: one message, with the name, the value and what is allowed; warnings."""
 
 import inspect
 import math
 import operator
+import warnings
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
@@ -138,3 +139,13 @@ def constructed(what: str, make: Callable[..., Any], given: Mapping[str, Any]) -
         if key not in given and parameter.default is parameter.empty:
             raise ValueError(f"{what} lacks {key!r}; {takes}")
     return make(**given)
+
+
+_TOLD: set[str] = set()
+
+
+def warn_once(text: str, category: type[Warning], stacklevel: int) -> None:
+    """Warn of what a file or its values have, each text once in a process; ``stacklevel`` as for the caller."""
+    if text not in _TOLD:
+        _TOLD.add(text)
+        warnings.warn(text, category, stacklevel=stacklevel + 1)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from steer_env.experiments.cli.main import main
+from steer_env.friction.numerics import check
 from steer_env.vehicle import cars, keys
 from steer_env.vehicle.cars import contradictions, plausible
 from steer_env.vehicle.cars import keys as sections
@@ -27,7 +28,7 @@ def changed(section, **values):
 
 @pytest.fixture(autouse=True)
 def _nothing_told(monkeypatch):
-    monkeypatch.setattr(plausible, "_TOLD", set())
+    monkeypatch.setattr(check, "_TOLD", set())
 
 
 @pytest.mark.parametrize(

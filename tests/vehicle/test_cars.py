@@ -10,8 +10,8 @@ from importlib.resources import files
 import pytest
 
 from steer_env import friction
+from steer_env.friction.numerics import check
 from steer_env.vehicle import cars, road, tyre
-from steer_env.vehicle.cars import plausible
 
 CAR = cars.load()
 DATA = json.loads(files("steer_env.vehicle").joinpath("data", "cars", "compact.json").read_text(encoding="utf-8"))
@@ -304,7 +304,7 @@ def test_changes_set_keys():
 
 
 def test_changes_warn_only_of_what_they_make_unusual(monkeypatch, recwarn):
-    monkeypatch.setattr(plausible, "_TOLD", set())
+    monkeypatch.setattr(check, "_TOLD", set())
     heavy = cars.load("compact", changes={"column.K_tb": 400.0})
     assert [str(w.message).partition(" (")[0] for w in recwarn] == [
         "car compact: column.K_tb is 400 N m/rad; usual is 50 to 300 N m/rad"

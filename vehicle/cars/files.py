@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.friction.numerics import toml
-from steer_env.friction.numerics.check import one_of
+from steer_env.friction.numerics.check import one_of, warn_once
 from steer_env.vehicle import tyre
 from steer_env.vehicle.cars import contradictions, plausible
 from steer_env.vehicle.cars.car import Car
@@ -55,7 +55,7 @@ def from_data(data: dict[str, Any]) -> Car:
     """
     car = _checked(data)
     for text in plausible.unusual(car):
-        plausible.warn_once(f"car {car.name}: {text}", stacklevel=2)
+        warn_once(f"car {car.name}: {text}", plausible.UnusualCar, stacklevel=2)
     return car
 
 
@@ -289,7 +289,7 @@ def _changed(car: Car, changes: Mapping[str, Any]) -> Car:
     changed, usual_before = _checked(data), plausible.unusual(car)
     for text in plausible.unusual(changed):
         if text not in usual_before:
-            plausible.warn_once(f"car {changed.name}: {text}", stacklevel=3)
+            warn_once(f"car {changed.name}: {text}", plausible.UnusualCar, stacklevel=3)
     return changed
 
 
@@ -316,7 +316,7 @@ def _from_file(path: Path) -> Car:
     except ValueError as error:
         raise ValueError(f"{path}:{_line(text, str(error))} {error}") from None
     for message in plausible.unusual(car):
-        plausible.warn_once(f"{path}:{_line(text, message)} {message}", stacklevel=3)
+        warn_once(f"{path}:{_line(text, message)} {message}", plausible.UnusualCar, stacklevel=3)
     return car
 
 

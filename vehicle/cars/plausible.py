@@ -9,7 +9,6 @@ gradients from 1.5 deg/g in racing cars to 8.5 deg/g in soft saloons); the publi
 """
 
 import math
-import warnings
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -222,7 +221,10 @@ def quantities(car: "Car") -> list[Quantity]:
 
 
 def unusual(car: "Car") -> list[str]:
-    """A line for each quantity of the car outside its usual range: keys, name, value, range and its source."""
+    """A line for each quantity of the car outside its usual range: keys, name, value, range and its source.
+
+    The last line tells of wheel loads at rest beyond the range of the tyre.
+    """
     found = []
     for q in quantities(car):
         value = q.value(car)
@@ -230,14 +232,13 @@ def unusual(car: "Car") -> list[str]:
             unit, keys = "" if q.unit == "1" else f" {q.unit}", f"{q.keys}: " if q.keys else ""
             usual = f"usual is {q.low:g} to {q.high:g}{unit} ({q.source})"
             found.append(f"{keys}{q.name} is {value:.4g}{unit}; {usual}")
-    return found
+    return found + _beyond_tyre(car)
 
 
-_TOLD: set[str] = set()
-
-
-def warn_once(text: str, stacklevel: int) -> None:
-    """Warn of an unusual car (:class:`UnusualCar`), each text once in a process; ``stacklevel`` as for the caller."""
-    if text not in _TOLD:
-        _TOLD.add(text)
-        warnings.warn(text, UnusualCar, stacklevel=stacklevel + 1)
+def _beyond_tyre(car: "Car") -> list[str]:
+    """A line if the car at rest loads a tyre beyond its range."""
+    loads = [0.5 * GRAVITY * _axle_mass(car, axle)[0] for axle in ("front", "rear")]
+    beyond = car.tyre.beyond("F_z", loads)
+    return (
+        [f"tyre: at rest, with {loads[0]:.0f} N in front and {loads[1]:.0f} N behind, {beyond.words}"] if beyond else []
+    )

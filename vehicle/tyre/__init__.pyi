@@ -1,13 +1,15 @@
 from .coefficients import ASYMMETRY, MagicFormula, record
 from .magic_formula import cornering_stiffness, forces, forces_of_four, longitudinal_stiffness, stiffnesses
-from .tyre import EXAMPLES, Limits, Tyre, available, data, from_file, load, save, to_file
+from .tyre import EXAMPLES, Beyond, Limits, Tyre, TyreFile, available, data, from_file, load, save, to_file
 
 __all__ = [
     "ASYMMETRY",
     "EXAMPLES",
+    "Beyond",
     "Limits",
     "MagicFormula",
     "Tyre",
+    "TyreFile",
     "available",
     "cornering_stiffness",
     "data",

@@ -133,7 +133,7 @@ class MagicFormula(NamedTuple):
     QSY4: float = 0.0  # M_y over R_0 F_z: by (v_x/LONGVL)^4 [-]
     QSY5: float = 0.0  # M_y over R_0 F_z: by g^2 [-]
     QSY6: float = 0.0  # M_y over R_0 F_z: by g^2 and load [-]
-    QSY7: float = 1.0  # M_y: exponent of load, only of FITTYP 61 [-]
+    QSY7: float = 1.0  # M_y: exponent of load, of FITTYP 52 (1 + QSY7 of PAC2002) and 61 [-]
     TURN_SLIP: float = 0.0  # 1 where a file has any of the following, else 0 [-]
     PDXP1: float = 0.0  # peak of F_x: fall with spin [-]
     PDXP2: float = 0.0  # peak of F_x: fall with spin, by df [-]

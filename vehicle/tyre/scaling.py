@@ -58,6 +58,7 @@ class PressureTerms(NamedTuple):
         return {key: factor for keys, factor in pairs for key in keys.split()}
 
 
+_OF_PAC2002 = {"PPMX1": "QPX1", "PPZ1": "QPZ1", "PPZ2": "QPZ2"}  # other names of the same terms
 # Coefficients that a factor on the cornering stiffness multiplies, (T14): the slope of F_y and the decay of the trail.
 CORNERING_STIFFNESS = ("PKY1", "QBZ1", "QBZ2", "QBZ3", "QBZ9")
 # Coefficients that a scaling factor multiplies; ``^2`` marks its square, ``||`` its absolute value.
@@ -94,9 +95,8 @@ _SCALES = {
 
 def _numbers(file: tir.PropertyFile) -> tuple[dict[str, float], dict[str, float]]:
     """Coefficients and scaling factors of the version of the file, by key; 0 and 1 where the file lacks them."""
-    version = file.version
-    raw = {key: file.get(section, key) for section in tir.COEFFICIENTS for key in tir.coefficients(section, version)}
-    scale = {key: file.get(tir.SCALING, key, 1.0) for key in tir.coefficients(tir.SCALING, version)}
+    raw = {key: file.get(section, key) for section in tir.COEFFICIENTS for key in file.keys(section)}
+    scale = {key: file.get(tir.SCALING, key, 1.0) for key in file.keys(tir.SCALING)}
     return raw, scale
 
 
@@ -106,22 +106,27 @@ def coefficients(file: tir.PropertyFile) -> tuple[MagicFormula, PressureTerms]:
     Raises
     ------
     ValueError
-        A factor of load or friction that is not positive; pressure terms without a NOMPRES.
+        A factor of load or friction that is not positive; pressure terms and an INFLPRES without a NOMPRES.
     """
     version = file.version
     raw, scale = _numbers(file)
+    nominal, inflation = pressures(file)
     c = MagicFormula(
         FNOMIN=file.get("VERTICAL", "FNOMIN"),
         UNLOADED_RADIUS=file.get("DIMENSION", "UNLOADED_RADIUS"),
         LONGVL=file.get("MODEL", "LONGVL"),
         WIDTH=file.get("DIMENSION", "WIDTH"),
-        NOMPRES=file.get("OPERATING_CONDITIONS", "NOMPRES"),
+        NOMPRES=nominal,
         FITTYP=float(min(version, 61)),
     )
     k = {key: value for key, value in raw.items() if key in c._fields}
-    for key, default in (("PKY4", 2.0), ("QSY7", 1.0)):
-        if not any(key in entries for entries in file.sections.values()):
-            k[key] = default
+    # What a file lacks is 0, but for two exponents.
+    if not file.has("LATERAL_COEFFICIENTS", "PKY4"):
+        k["PKY4"] = 2.0
+    if version == 52:
+        k["QSY7"] = 1.0 + raw.get("QSY7", 0.0)  # PAC2002: of a factor on F_z
+    elif not file.has("ROLLING_COEFFICIENTS", "QSY7"):
+        k["QSY7"] = 1.0
     k["TURN_SLIP"] = float(any(raw.get(key) for key in tir.coefficients("TURNSLIP_COEFFICIENTS", version)))
     if version != 60:  # MF-Tyre takes camber itself here, the book its absolute value
         k["QDZ3G"], k["QDZ3"] = k["QDZ3"], 0.0
@@ -143,11 +148,23 @@ def coefficients(file: tir.PropertyFile) -> tuple[MagicFormula, PressureTerms]:
     c = c._replace(FNOMIN=c.FNOMIN * scale["LFZO"], **k)
 
     terms = {key: raw[key] for key in PressureTerms._fields if key in raw}
-    terms["PFZ1"] = file.get("VERTICAL", "PFZ1")
+    terms |= {key: raw[other] for key, other in _OF_PAC2002.items() if other in raw}
+    terms["PFZ1"] = file.get("VERTICAL", "PFZ1") or file.get("VERTICAL", "QPFZ1")
     terms |= {key: file.get("STRUCTURAL", key) for key in ("PCFX3", "PCFY3")}
-    if any(terms.values()) and not c.NOMPRES > 0.0:
-        raise ValueError(f"NOMPRES must be given with pressure terms, got {c.NOMPRES!r}")
+    if not c.NOMPRES > 0.0:
+        if any(terms.values()) and inflation > 0.0:
+            raise ValueError(f"NOMPRES must be given with pressure terms and INFLPRES, got {c.NOMPRES!r}")
+        terms = {}  # nothing tells another pressure than that of the coefficients
     return c, PressureTerms(inflation=c.NOMPRES, **terms)
+
+
+def pressures(file: tir.PropertyFile) -> tuple[float, float]:
+    """Nominal and present inflation pressure [Pa], 0 where the file has none; PAC2002 has keys of its own."""
+    nominal, inflation = (
+        file.get("OPERATING_CONDITIONS", key) or file.get("TIRE_CONDITIONS", other)
+        for key, other in (("NOMPRES", "IP_NOM"), ("INFLPRES", "IP"))
+    )
+    return nominal, inflation or nominal
 
 
 def _scale_load(k: dict[str, float], version: int, LFZO: float) -> None:
@@ -160,8 +177,8 @@ def _scale_load(k: dict[str, float], version: int, LFZO: float) -> None:
     for key in ("QDZ1", "QDZ2", "SSZ2", "QSX3", "QSX6", "QSX9", "QSX11", "QSY2", "QSY6"):
         if key in k:
             k[key] *= LFZO
-    if version >= 61:
-        for key in ("QSY1", "QSY2", "QSY3", "QSY4", "QSY5", "QSY6"):
+    for key in ("QSY1", "QSY2", "QSY3", "QSY4", "QSY5", "QSY6"):
+        if key in k:
             k[key] *= LFZO ** (k["QSY7"] - 1.0)
 
 

@@ -7,36 +7,40 @@ FITTYP in [MODEL], or PROPERTY_FILE_FORMAT of ADAMS, selects the equations: 5.2 
 [UNITS] hold for dimensions, loads, speeds, pressures, stiffnesses and ranges. The coefficients of the formula are in
 radians and ratios whatever [UNITS] states, as in MF-Tyre and ADAMS.
 
+An empty value is none. What the equations of the version do not use is kept in the file and named by
+:attr:`PropertyFile.foreign` or :attr:`PropertyFile.notes`; :func:`tyre.from_file` refuses what would change a force.
+
 Source: the keys of public files and readers; ``magic_formula`` names the equations that they enter.
 """
 
 import os
 import re
 import tempfile
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from functools import partial
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 _UNITS: dict[str, dict[str, float]] = {
-    "LENGTH": {"meter": 1.0, "m": 1.0, "mm": 1e-3, "millimeter": 1e-3, "cm": 1e-2, "centimeter": 1e-2, "km": 1e3}
-    | {"inch": 0.0254, "foot": 0.3048},
-    "FORCE": {"newton": 1.0, "n": 1.0, "kilonewton": 1e3, "kn": 1e3, "kgf": 9.80665, "kilogram_force": 9.80665}
-    | {"lbf": 4.4482216152605, "pound_force": 4.4482216152605},
-    "ANGLE": {"radians": 1.0, "radian": 1.0, "rad": 1.0}
-    | dict.fromkeys(("degrees", "degree", "deg"), 0.017453292519943295),
-    "MASS": {
-        "kg": 1.0,
-        "kilogram": 1.0,
-        "gram": 1e-3,
-        "g": 1e-3,
-        "tonne": 1e3,
-        "pound_mass": 0.45359237,
-        "slug": 14.593903,
-    },
+    "LENGTH": {"meter": 1.0, "metre": 1.0, "m": 1.0, "km": 1e3, "mile": 1609.344}
+    | dict.fromkeys(("mm", "millimeter", "millimetre"), 1e-3)
+    | dict.fromkeys(("cm", "centimeter", "centimetre"), 1e-2)
+    | {"inch": 0.0254, "in": 0.0254, "foot": 0.3048, "ft": 0.3048},
+    "FORCE": {"newton": 1.0, "n": 1.0, "kilonewton": 1e3, "knewton": 1e3, "kn": 1e3}
+    | dict.fromkeys(("kgf", "kilogram_force"), 9.80665)
+    | dict.fromkeys(("lbf", "pound_force"), 4.4482216152605)
+    | {"kpound_force": 4448.2216152605},
+    "ANGLE": {"radian": 1.0, "rad": 1.0} | dict.fromkeys(("degree", "deg"), 0.017453292519943295),
     "TIME": {"second": 1.0, "sec": 1.0, "s": 1.0, "millisecond": 1e-3, "ms": 1e-3, "minute": 60.0, "hour": 3600.0},
-    "PRESSURE": {"pascal": 1.0, "pa": 1.0, "kpa": 1e3, "kilopascal": 1e3, "bar": 1e5, "psi": 6894.757293168},
+    "PRESSURE": {
+        "pascal": 1.0,
+        "pa": 1.0,
+        "kpa": 1e3,
+        "kilopascal": 1e3,
+        "mpa": 1e6,
+        "bar": 1e5,
+        "psi": 6894.757293168,
+    },
 }
 
 # Exponents of the units of the numbers that a tyre takes from a file; every other number is kept unchanged.
@@ -45,10 +49,10 @@ _DIMENSIONS: dict[str, dict[str, int]] = {
     "LONGVL": {"LENGTH": 1, "TIME": -1},
     **{key: {"FORCE": 1} for key in ("FNOMIN", "FZMIN", "FZMAX")},
     **{f"{way}_STIFFNESS": {"FORCE": 1, "LENGTH": -1} for way in ("VERTICAL", "LONGITUDINAL", "LATERAL")},
-    **{key: {"PRESSURE": 1} for key in ("INFLPRES", "NOMPRES")},
+    **{key: {"PRESSURE": 1} for key in ("INFLPRES", "NOMPRES", "IP", "IP_NOM", "PRESMIN", "PRESMAX")},
     **{key: {"ANGLE": 1} for key in ("ALPMIN", "ALPMAX", "CAMMIN", "CAMMAX")},
 }
-_NUMBERS = {*_DIMENSIONS, "PFZ1", "PCFX3", "PCFY3", "KPUMIN", "KPUMAX"}  # of sections without coefficients
+_NUMBERS = {*_DIMENSIONS, "PFZ1", "QPFZ1", "PCFX3", "PCFY3", "KPUMIN", "KPUMAX"}  # of sections without coefficients
 
 
 def _keys(text: str) -> tuple[str, ...]:
@@ -65,7 +69,7 @@ _SETS: dict[str, tuple[str, str, str, str]] = {
     "SCALING_COEFFICIENTS": (
         "LFZO LCZ LCX LMUX LEX LKX LHX LVX LCY LMUY LEY LKY LHY LVY LTR LRES LXAL LYKA LVYKA LS LSGKP LSGAL LMX LVMX"
         " LMY",
-        "LGAX LGAY LGAZ",
+        "LGAX LGAY LGAZ LGYR",
         "LKYC LKZC LMP",
         "",
     ),
@@ -96,11 +100,24 @@ _SETS: dict[str, tuple[str, str, str, str]] = {
         "",
     ),
 }
-# The one coefficient that only the 2006 book has, and factors of effects that this model lacks: friction that decreases
-# with the sliding speed, the gyroscopic couple, a scale of the pressure.
+# The one coefficient that only the 2006 book has, and those that PAC2002 adds to the equations of 5.2.
 _MORE = {"ALIGNING_COEFFICIENTS": {60: ("QBZ6",)}}
-_UNUSED = {"SCALING_COEFFICIENTS": ("LMUV", "LGYR", "LIP", "LKYG"), "LONGITUDINAL_COEFFICIENTS": ("PTX4",)}
-_NEUTRAL = {"LMUV": (0.0,), "PKY4": (2.0,), "QSY7": (0.0, 1.0), "PTX4": None}  # others: factors 1, coefficients 0
+_OF_PAC2002 = {
+    "LONGITUDINAL_COEFFICIENTS": "PPX1-4",
+    "OVERTURNING_COEFFICIENTS": "QSX4-11 QPX1",
+    "LATERAL_COEFFICIENTS": "PPY1-4",
+    "ROLLING_COEFFICIENTS": "QSY5-8",
+    "ALIGNING_COEFFICIENTS": "QPZ1-2",
+}
+# Keys of effects that no version here evaluates: friction that decreases with the sliding speed, scales of the pressure
+# and of the camber stiffness of PAC2002, and the damping of ADAMS at low speed.
+_UNUSED = {
+    "SCALING_COEFFICIENTS": ("LMUV", "LIP", "LKG", "LKYG"),
+    "LONGITUDINAL_COEFFICIENTS": ("PTX4",),
+    "LATERAL_COEFFICIENTS": ("PTY3",),
+}
+# Values that change nothing, of the keys that are no factor (1) and no coefficient (0).
+_NEUTRAL = {"LMUV": (0.0,), "PKY4": (2.0,), "QSY7": (0.0, 1.0)}
 
 SCALING = "SCALING_COEFFICIENTS"
 COEFFICIENTS = tuple(name for name in _SETS if name != SCALING)
@@ -108,7 +125,7 @@ VERSIONS = (52, 60, 61, 62)
 _FITTYP = {5: 52, 6: 52, 21: 52, 51: 52, 52: 52, 60: 60, 61: 61, 62: 62}
 _FORMATS = {"PAC2002": 52, "MF_05": 52, "MF-TYRE": 52}
 _REQUIRED: dict[str, tuple[str, ...]] = {
-    "UNITS": ("LENGTH", "FORCE", "ANGLE", "MASS", "TIME"),
+    "UNITS": (),  # those of the numbers that the file has
     "MODEL": ("LONGVL",),
     "DIMENSION": ("UNLOADED_RADIUS",),
     "VERTICAL": ("FNOMIN",),
@@ -117,19 +134,47 @@ _REQUIRED: dict[str, tuple[str, ...]] = {
     "LATERAL_COEFFICIENTS": ("PCY1", "PDY1", "PKY1", "PKY2"),
     "ALIGNING_COEFFICIENTS": ("QBZ1", "QCZ1", "QDZ1"),
 }
+_RANGES = {
+    "INFLATION_PRESSURE_RANGE": ("PRESMIN", "PRESMAX"),
+    "VERTICAL_FORCE_RANGE": ("FZMIN", "FZMAX"),
+    "LONG_SLIP_RANGE": ("KPUMIN", "KPUMAX"),
+    "SLIP_ANGLE_RANGE": ("ALPMIN", "ALPMAX"),
+    "INCLINATION_ANGLE_RANGE": ("CAMMIN", "CAMMAX"),
+}
 # Sections of keys and values; any other section is an extension and is kept line by line.
 _KEYED = (
-    *("MDI_HEADER", "UNITS", "MODEL", "DIMENSION", "OPERATING_CONDITIONS", "INERTIA", "VERTICAL", "STRUCTURAL"),
-    *("CONTACT_PATCH", "INFLATION_PRESSURE_RANGE", "VERTICAL_FORCE_RANGE", "LONG_SLIP_RANGE", "SLIP_ANGLE_RANGE"),
-    *("INCLINATION_ANGLE_RANGE", *_SETS),
+    *("MDI_HEADER", "UNITS", "MODEL", "DIMENSION", "OPERATING_CONDITIONS", "TIRE_CONDITIONS", "INERTIA", "VERTICAL"),
+    *("STRUCTURAL", "CONTACT_PATCH", *_RANGES, *_SETS),
 )
 
 
-def coefficients(section: str, version: int) -> tuple[str, ...]:
-    """Keys of a coefficient section that the equations of ``version`` (52, 60, 61 or 62) use."""
+def coefficients(section: str, version: int, pac2002: bool = False) -> tuple[str, ...]:
+    """Keys of a coefficient section that the equations of ``version`` (52, 60, 61 or 62) use.
+
+    ``pac2002`` asks for those of PAC2002, which are the equations of 52 with further terms of M_x, M_y and pressure.
+    """
     common, old, new, newest = (_keys(text) for text in _SETS[section])
     keys = common + (old if version == 52 else new) + (newest if version >= 61 else ())
-    return keys + _MORE.get(section, {}).get(version, ())
+    keys += _MORE.get(section, {}).get(version, ())
+    return keys + (_keys(_OF_PAC2002.get(section, "")) if pac2002 and version == 52 else ())
+
+
+# Section of each coefficient of any version and of each range; readers that ignore sections take them from anywhere.
+_HOME = {key: section for section, keys in _RANGES.items() for key in keys} | {
+    key: section
+    for section in _SETS
+    for version in VERSIONS
+    for key in (*coefficients(section, version, pac2002=True), *_UNUSED.get(section, ()))
+}
+
+
+class Foreign(NamedTuple):
+    """A key that the equations of a file do not use, with a value that is not the neutral one."""
+
+    section: str
+    key: str
+    value: float
+    neutral: float
 
 
 @dataclass(frozen=True)
@@ -139,10 +184,16 @@ class PropertyFile:
     version: int
     sections: Mapping[str, Mapping[str, float | str]]  # by section and key, in the order of the file
     extensions: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # other sections, line by line
+    notes: tuple[str, ...] = field(default=(), compare=False)  # what was taken though nothing uses it
+    places: Mapping[tuple[str, str], str] = field(default_factory=dict, compare=False)  # ``file:line: `` of keys
+
+    def has(self, section: str, key: str) -> bool:
+        """Whether the file gives a value, which an empty one is not."""
+        return self.sections.get(section, {}).get(key, "") != ""
 
     def get(self, section: str, key: str, default: float = 0.0) -> float:
         """A number in SI units and radians, or ``default`` where the file has none."""
-        if key not in self.sections.get(section, {}):
+        if not self.has(section, key):
             return default
         value = float(self.sections[section][key])
         for unit, exponent in _DIMENSIONS.get(key, {}).items():
@@ -151,9 +202,44 @@ class PropertyFile:
 
     def _unit(self, unit: str) -> float:
         units = self.sections["UNITS"]
-        if unit == "PRESSURE" and unit not in units:
+        if unit == "PRESSURE" and not self.has("UNITS", unit):
             return self._unit("FORCE") / self._unit("LENGTH") ** 2
-        return _UNITS[unit][str(units[unit]).lower()]
+        return _UNITS[unit][_unit_name(unit, units[unit])]
+
+    @property
+    def pac2002(self) -> bool:
+        """Whether the file asks for PAC2002 of ADAMS."""
+        given = self.sections.get("MODEL", {}).get("PROPERTY_FILE_FORMAT", "")
+        return self.version == 52 and str(given).upper() == "PAC2002"
+
+    def keys(self, section: str) -> tuple[str, ...]:
+        """Keys of a coefficient section that the equations of the file use."""
+        return coefficients(section, self.version, self.pac2002)
+
+    @property
+    def foreign(self) -> list[Foreign]:
+        """Keys of coefficient sections that the version does not use, where they are not neutral."""
+        return [
+            Foreign(section, key, float(value), neutral(key)[0])
+            for section in _SETS
+            for key, value in self.sections.get(section, {}).items()
+            if key not in self.keys(section) and isinstance(value, float) and value not in neutral(key)
+        ]
+
+
+def neutral(key: str) -> tuple[float, ...]:
+    """Values of a coefficient that change nothing where its equations do not use it."""
+    return _NEUTRAL.get(key, (1.0,) if _HOME.get(key) == SCALING else (0.0,))
+
+
+def _unit_name(unit: str, given: float | str) -> str:
+    """The name of a unit as ``_UNITS`` has it: in lower case and in the singular."""
+    name = str(given).strip().lower()
+    return name if name in _UNITS[unit] else {"feet": "foot", "inches": "inch"}.get(name, name.removesuffix("s"))
+
+
+# Python's float also takes underscores, digits of other scripts and words.
+_NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eEdD][-+]?[0-9]+)?")  # d: of Fortran
 
 
 def _value(text: str) -> float | str:
@@ -162,22 +248,87 @@ def _value(text: str) -> float | str:
     if quoted:
         return quoted[1] if quoted[1] is not None else quoted[2]
     text = re.split(r"[$!]", text, maxsplit=1)[0].strip()
-    try:
-        return float(re.sub(r"(?<=[\d.])[dD](?=[-+]?\d)", "e", text))  # Fortran's exponents
-    except ValueError:
-        return text
+    return float(text.lower().replace("d", "e")) if _NUMBER.fullmatch(text) else text
+
+
+class _Reader:
+    """What has been read of a file, and where."""
+
+    def __init__(self, path: str | os.PathLike) -> None:
+        self.path = path
+        self.sections: dict[str, dict[str, float | str]] = {}
+        self.extensions: dict[str, list[str]] = {}
+        self.lines: dict[tuple[str, str], int] = {}  # of headings (key '') and keys
+        self.notes: list[str] = []
+        self.number = 0
+
+    def error(self, line: int, key: str, message: str) -> ValueError:
+        return ValueError(f"{self.path}:{line}: {key}: {message}")
+
+    def read(self, text: str) -> None:
+        """Sections, keys and values, and the lines of other sections."""
+        section = ""
+        for self.number, whole in enumerate(text.splitlines(), 1):
+            line = whole.strip()
+            heading = re.match(r"\[\s*([^\]]*?)\s*\]", line)
+            if heading:
+                section = heading[1].upper()
+                self._begin(section)
+            elif section in self.extensions:
+                self.extensions[section].append(whole.rstrip())
+                key, equals, rest = (part.strip() for part in line.partition("="))
+                if equals:
+                    self._require_home(section, key.upper(), _value(rest))
+            elif line and line[0] not in "$!#{":
+                key, equals, rest = (part.strip() for part in line.partition("="))
+                if not equals or not key or not section:
+                    expected = "expected [SECTION], KEY = value, or a comment after $ or !"
+                    raise self.error(self.number, key.upper() or line, expected)
+                self._enter(section, key.upper(), _value(rest))
+
+    def _begin(self, section: str) -> None:
+        if (section, "") in self.lines:
+            self.notes.append(f"[{section}] a second time")
+        self.lines.setdefault((section, ""), self.number)
+        if section in _KEYED:
+            self.sections.setdefault(section, {})
+        else:
+            self.extensions.setdefault(section, [])
+
+    def _enter(self, section: str, key: str, value: float | str) -> None:
+        self._require_home(section, key, value)
+        before = self.sections[section].get(key, "")
+        if (section, key) in self.lines:
+            if before not in ("", value) and value != "":
+                first = self.lines[section, key]
+                message = f"expected once, is in line {first} already, there {before!r} and here {value!r}"
+                raise self.error(self.number, key, message)
+            self.notes.append(f"{key} a second time")
+        if before == "":
+            self.sections[section][key] = value
+            self.lines[section, key] = self.number
+
+    def _require_home(self, section: str, key: str, value: float | str) -> None:
+        """Refuse a coefficient or a range in the section of another one, where it would be lost."""
+        home = _HOME.get(key, section)
+        if home != section and value != "" and value not in neutral(key):
+            message = f"expected in [{home}], is in [{section}], where it is not read; got {value!r}"
+            raise self.error(self.number, key, message)
 
 
 def read(path: str | os.PathLike) -> PropertyFile:
     """A property file, checked as a whole.
 
+    Taken, and told in the notes: a section or key twice with the same values, an empty value, and in a coefficient
+    section text, or an unknown key with a neutral value. The key of another version is in
+    :attr:`PropertyFile.foreign` unless its value is neutral, which the notes tell.
+
     Raises
     ------
     ValueError
-        ``file:line: KEY: what was expected``, at the first of: a line that is no heading, key or comment; a section or
-        key twice; a missing section or key; an unknown unit or version; a value that is no finite number; a key in a
-        coefficient section that its version does not know; a coefficient of another version, or a scaling factor, that
-        would have to be ignored.
+        ``file:line: KEY: what was expected``, at the first of: a line that is no heading, key or comment; a key with
+        two values; a coefficient or range in the section of others; a missing section or key; an unknown unit or
+        version; a value that is no finite number; a key in a coefficient section that no version knows.
     OSError
         No such file.
     """
@@ -186,54 +337,28 @@ def read(path: str | os.PathLike) -> PropertyFile:
         text = raw.decode("utf-8-sig")
     except UnicodeDecodeError:
         text = raw.decode("latin-1")
-
-    def error(line: int, key: str, message: str) -> ValueError:
-        return ValueError(f"{path}:{line}: {key}: {message}")
-
-    sections: dict[str, dict[str, float | str]] = {}
-    extensions: dict[str, list[str]] = {}
-    lines: dict[tuple[str, str], int] = {}  # of headings (key '') and keys
-    section = ""
-    number = 0
-    for number, whole in enumerate(text.splitlines(), 1):
-        line = whole.strip()
-        heading = re.match(r"\[\s*([^\]]*?)\s*\]", line)
-        if heading:
-            section = heading[1].upper()
-            if (section, "") in lines:
-                raise error(number, f"[{section}]", f"expected once, is in line {lines[section, '']} already")
-            lines[section, ""] = number
-            if section in _KEYED:
-                sections[section] = {}
-            else:
-                extensions[section] = []
-        elif section in extensions:
-            extensions[section].append(whole.rstrip())
-        elif line and line[0] not in "$!#{":
-            key, equals, rest = line.partition("=")
-            key = key.strip().upper()
-            if not equals or not key or not section:
-                raise error(number, key or line, "expected [SECTION], KEY = value, or a comment after $ or !")
-            if (section, key) in lines:
-                raise error(number, key, f"expected once, is in line {lines[section, key]} already")
-            lines[section, key] = number
-            sections[section][key] = _value(rest.strip())
-
+    found = _Reader(path)
+    found.read(text)
+    sections, lines, error = found.sections, found.lines, found.error
     for name, keys in _REQUIRED.items():
         if name not in sections:
-            raise error(number, f"[{name}]", "expected this section, the file ends without it")
+            raise error(found.number, f"[{name}]", "expected this section, the file ends without it")
         for key in keys:
             if key not in sections[name]:
                 raise error(lines[name, ""], key, f"expected in [{name}]")
-    for unit, known in _UNITS.items():
-        given = sections["UNITS"].get(unit)
-        if given is not None and str(given).lower() not in known:
-            raise error(lines["UNITS", unit], unit, f"expected one of {', '.join(known)}, got {given!r}")
-    version = _version(sections["MODEL"], lines, error)
-    for (name, key), line_number in lines.items():
+    version = _version(sections["MODEL"], lines, error, found.notes)
+    for (name, key), line in lines.items():
         if key and name in sections:
-            _check(name, key, sections[name][key], version, partial(error, line_number, key))
-    return PropertyFile(version, sections, {name: _trimmed(body) for name, body in extensions.items()})
+            value = sections[name][key]
+            _check_number(name, key, value, lambda message, line=line, key=key: error(line, key, message))
+            _check_units(key, value, sections["UNITS"], lines, error)
+    file = PropertyFile(
+        version,
+        sections,
+        {name: _trimmed(body) for name, body in found.extensions.items()},
+        places={place: f"{path}:{line}: " for place, line in lines.items()},
+    )
+    return replace(file, notes=(*found.notes, *_notes(file)))
 
 
 def _trimmed(body: list[str]) -> tuple[str, ...]:
@@ -244,36 +369,59 @@ def _trimmed(body: list[str]) -> tuple[str, ...]:
     return tuple(body[:last])
 
 
-def _version(model: dict[str, Any], lines: dict[tuple[str, str], Any], error: Callable[..., Exception]) -> int:
+def _version(
+    model: dict[str, Any], lines: dict[tuple[str, str], Any], error: Callable[..., Exception], notes: list[str]
+) -> int:
+    found = {}
     for key, known in (("FITTYP", _FITTYP), ("PROPERTY_FILE_FORMAT", _FORMATS)):
-        if key in model:
-            value = model[key].upper() if isinstance(model[key], str) else model[key]
-            if value in known:
-                return known[value]
-            if key == "FITTYP" or "FITTYP" not in model:
-                raise error(
-                    lines["MODEL", key], key, f"expected one of {', '.join(map(str, known))}, got {model[key]!r}"
-                )
-    raise error(lines["MODEL", ""], "FITTYP", "expected in [MODEL], or PROPERTY_FILE_FORMAT")
+        if model.get(key, "") == "":
+            continue
+        value = model[key].upper() if isinstance(model[key], str) else model[key]
+        if value in known:
+            found[key] = known[value]
+        elif key == "FITTYP" or "FITTYP" not in found:
+            raise error(lines["MODEL", key], key, f"expected one of {', '.join(map(str, known))}, got {model[key]!r}")
+    if not found:
+        raise error(lines["MODEL", ""], "FITTYP", "expected in [MODEL], or PROPERTY_FILE_FORMAT")
+    if len(set(found.values())) > 1:
+        notes.append(f"PROPERTY_FILE_FORMAT {model['PROPERTY_FILE_FORMAT']!r}, as FITTYP {model['FITTYP']:g} decides")
+    return next(iter(found.values()))
 
 
-def _check(section: str, key: str, value: Any, version: int, error: Callable[[str], Exception]) -> None:
-    """Raise for a key that the model would have to ignore, and for a value that is no finite number."""
-    if key == "FE_METHOD" and str(value).upper() == "YES":
-        raise error("expected 'NO', because the weights G combine the slips, not a friction ellipse; got 'YES'")
-    if section not in _SETS:
-        if key in _NUMBERS and not (isinstance(value, float) and abs(value) < float("inf")):
-            raise error(f"expected a number, got {value!r}")
-        return
-    known = coefficients(section, version)
-    everywhere = {each for other in VERSIONS for each in coefficients(section, other)} | {*_UNUSED.get(section, ())}
-    if key not in everywhere:
-        raise error(f"expected a key of [{section}]")
-    if not (isinstance(value, float) and abs(value) < float("inf")):
-        raise error(f"expected a number, got {value!r}")
-    neutral = _NEUTRAL.get(key, (1.0,) if section == "SCALING_COEFFICIENTS" else (0.0,))
-    if key not in known and neutral is not None and value not in neutral:
-        raise error(f"expected {neutral[0]:g}, because the equations of version {version} do not use it; got {value:g}")
+def _check_number(section: str, key: str, value: Any, error: Callable[[str], Exception]) -> None:
+    """Raise for text where a number is needed, and for a key of a coefficient section that no version knows."""
+    of_coefficients = section in _SETS
+    needed = any(key in keys for keys in _REQUIRED.values())
+    if not (_HOME.get(key) == section or key in _NUMBERS):
+        if of_coefficients and isinstance(value, float) and value != (1.0 if section == SCALING else 0.0):
+            raise error(f"expected a key of [{section}], or 0; no version knows it, so what it changes is unknown")
+    elif not (isinstance(value, float) and abs(value) < float("inf")) and (value != "" or needed):
+        comma = " with a decimal point" if "," in str(value) else ""
+        raise error(f"expected a number{comma}, got {value!r}")
+
+
+def _notes(file: PropertyFile) -> Iterator[str]:
+    """Keys whose values change nothing, with the values; those of another version that are not neutral are foreign."""
+    for section, entries in file.sections.items():
+        of_coefficients = section in _SETS
+        for key, value in entries.items():
+            if value == "":
+                if of_coefficients or key in _NUMBERS:
+                    yield f"{key} (empty)"
+            elif of_coefficients and key not in file.keys(section) and (key not in _HOME or value in neutral(key)):
+                yield f"{key} = {value:g}" if isinstance(value, float) else f"{key} = {value!r}"
+
+
+def _check_units(
+    key: str, value: Any, units: Mapping[str, Any], lines: dict[tuple[str, str], Any], error: Callable[..., Exception]
+) -> None:
+    """Raise for a number whose unit is missing or unknown."""
+    for unit in _DIMENSIONS.get(key, {}) if value != "" else ():
+        given = units.get(unit, "")
+        if given == "" and unit != "PRESSURE":
+            raise error(lines["UNITS", ""], unit, f"expected in [UNITS], because {key} has this unit")
+        if given != "" and _unit_name(unit, given) not in _UNITS[unit]:
+            raise error(lines["UNITS", unit], unit, f"expected one of {', '.join(_UNITS[unit])}, got {given!r}")
 
 
 def write(path: str | os.PathLike, file: PropertyFile) -> None:

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from steer_env.friction.numerics.check import constructed, number, positive
+from steer_env.friction.numerics.check import constructed, number, positive, warn_once
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle.tyre import scaling, tir
 from steer_env.vehicle.tyre.coefficients import ASYMMETRY, MagicFormula, record
@@ -34,8 +34,16 @@ def _forces_of_arrays(c, kappa, alpha, camber, F_z, v_x, mu, turn_slip, out):
         out[:, i] = forces(c[0], kappa[i], alpha[i], camber[i], F_z[i], v_x[i], mu[i], turn_slip[i])
 
 
+class TyreFile(UserWarning):
+    """What a property file has that this model does not use, or that another program reads otherwise."""
+
+
 class Limits(NamedTuple):
-    """Largest magnitudes of the inputs of :meth:`Tyre.forces`; assumed, except where a property file names ranges."""
+    """Largest magnitudes of the inputs of :meth:`Tyre.forces`; assumed, except where a property file names ranges.
+
+    :meth:`Tyre.forces` also takes smaller loads than the lowest, because a wheel may lift; :meth:`Tyre.beyond` tells of
+    them.
+    """
 
     kappa: float = 1.5  # longitudinal slip [-]
     alpha: float = 1.5  # slip angle [rad]
@@ -44,6 +52,36 @@ class Limits(NamedTuple):
     v_x_low: float = 1.0  # slip has no meaning at standstill [m/s]
     v_x_high: float = 100.0  # [m/s]
     turn_slip: float = 10.0  # a turn on a radius of 0.1 m [1/m]
+    load_low: float = 0.0  # lowest F_z over FNOMIN of the measurements [-]
+
+
+class Beyond(NamedTuple):
+    """Values of a car's tyres outside the range of the tyre, in SI units."""
+
+    tyre: str
+    quantity: str  # a key of ``_QUANTITIES``
+    lowest: float  # of all values
+    largest: float
+    low: float  # of the range
+    high: float
+    share: float  # of the values outside it [1]
+
+    @property
+    def words(self) -> str:
+        """The same as a clause."""
+        name, unit, keys = _QUANTITIES[self.quantity]
+        return (
+            f"{name} from {self.lowest:.4g} to {self.largest:.4g}{unit}, {100.0 * self.share:.3g} % of them beyond the "
+            f"range of {self.tyre}, {self.low:.4g} to {self.high:.4g}{unit} ({keys} of a file): its forces there are "
+            "extrapolated"
+        )
+
+
+_QUANTITIES = {
+    "F_z": ("wheel loads", " N", "FZMIN and FZMAX"),
+    "kappa": ("longitudinal slips", "", "KPUMIN and KPUMAX"),
+    "alpha": ("slip angles", " rad", "ALPMIN and ALPMAX"),
+}
 
 
 @dataclass(frozen=True)
@@ -128,6 +166,25 @@ class Tyre:
             pressure=self.pressure._replace(inflation=p),
         )
 
+    def beyond(self, quantity: str, values: ArrayLike) -> Beyond | None:
+        """What of ``F_z`` [N], ``kappa`` [-] or ``alpha`` [rad] is outside :attr:`limits`; None if nothing is.
+
+        No force of a car is refused for it, because a step has to give one: the formula is extrapolated.
+        """
+        top, found = self.limits, np.asarray(values, dtype=float)
+        F_0 = self.coefficients.FNOMIN
+        low, high = {
+            "F_z": (top.load_low * F_0, top.load * F_0),
+            "kappa": (-top.kappa, top.kappa),
+            "alpha": (-top.alpha, top.alpha),
+        }[quantity]
+        rounding = 1e-9 * high  # of a range that was divided by the nominal load
+        outside = (found < low - rounding) | (found > high + rounding)
+        if not outside.any():
+            return None
+        share = float(outside.mean())
+        return Beyond(self.name, quantity, float(found.min()), float(found.max()), low, high, share)
+
     def forces(
         self,
         kappa: ArrayLike,
@@ -190,7 +247,7 @@ def _stiffness_ratio(c: MagicFormula, ratio: dict[str, float]) -> float:
 
 
 def from_file(file: tir.PropertyFile, name: str = "tyre") -> Tyre:
-    """The tyre that a property file describes, at its inflation pressure (INFLPRES, else NOMPRES).
+    """The tyre that a property file describes, at its inflation pressure (INFLPRES, else NOMPRES; IP and IP_NOM).
 
     The coefficients include the scaling factors. Relaxation lengths are those at the nominal load: by PTX and PTY under
     5.2, otherwise cornering and slip stiffness over the stiffness of the carcass. Ranges become :class:`Limits` where
@@ -199,14 +256,30 @@ def from_file(file: tir.PropertyFile, name: str = "tyre") -> Tyre:
     Raises
     ------
     ValueError
-        Coefficients that :class:`Tyre` refuses, or pressure terms without a NOMPRES.
+        Coefficients that :class:`Tyre` refuses; pressure terms and INFLPRES without a NOMPRES; a key that the
+        equations of the file do not use, with what it would change.
+
+    Warns
+    -----
+    TyreFile
+        What the file has without effect, and what another program reads otherwise, each text once in a process.
     """
     for section, key in (("VERTICAL", "FNOMIN"), ("DIMENSION", "UNLOADED_RADIUS")):
         positive(key, file.get(section, key))
     try:
-        return _from_file(file, name)
+        tyre = _from_file(file, name)
+        unused = [*file.notes, *_without_effect(file, tyre)]
     except OverflowError:  # of a power, or the exponential function; products become infinite, which Tyre refuses
         raise ValueError("a coefficient with its scaling factors is too large for a number of the computer") from None
+    if unused:
+        more = f" and {len(unused) - _NAMED} more" if len(unused) > _NAMED else ""
+        warn_once(f"{name}: without effect here: {', '.join(unused[:_NAMED])}{more}", TyreFile, stacklevel=2)
+    for text in _differences(file, tyre):
+        warn_once(f"{name}: {text}", TyreFile, stacklevel=2)
+    return tyre
+
+
+_NAMED = 12  # keys that a warning names
 
 
 def _from_file(file: tir.PropertyFile, name: str) -> Tyre:
@@ -219,7 +292,7 @@ def _from_file(file: tir.PropertyFile, name: str) -> Tyre:
         pressure=pressure,
         **scaling.carcass(file, c),
     )
-    inflation = file.get("OPERATING_CONDITIONS", "INFLPRES", c.NOMPRES)
+    inflation = scaling.pressures(file)[1]
     return tyre.at_pressure(inflation) if inflation > 0.0 and any(pressure[1:]) else tyre
 
 
@@ -227,17 +300,130 @@ def _limits(file: tir.PropertyFile, c: MagicFormula) -> Limits:
     """The ranges of a file, by magnitude, but within the defaults, which bound tan(alpha), camber and load."""
     most = Limits()
 
-    def within(section: str, low: str, high: str, widest: float, per: float = 1.0) -> float:
-        given = [abs(file.get(section, key)) / per for key in (low, high) if key in file.sections.get(section, {})]
-        given = [value for value in given if value > 0.0]
-        return min([*given, widest])
+    def given(section: str, *keys: str, per: float = 1.0) -> list[float]:
+        return sorted(value for key in keys if (value := abs(file.get(section, key)) / per) > 0.0)
 
+    loads = given("VERTICAL_FORCE_RANGE", "FZMIN", "FZMAX", per=c.FNOMIN)
+    high = given("VERTICAL_FORCE_RANGE", "FZMAX", per=c.FNOMIN) and loads[-1]
+    low = given("VERTICAL_FORCE_RANGE", "FZMIN", per=c.FNOMIN) and loads[0]
     return most._replace(
-        kappa=within("LONG_SLIP_RANGE", "KPUMIN", "KPUMAX", most.kappa),
-        alpha=within("SLIP_ANGLE_RANGE", "ALPMIN", "ALPMAX", most.alpha),
-        camber=within("INCLINATION_ANGLE_RANGE", "CAMMIN", "CAMMAX", most.camber),
-        load=within("VERTICAL_FORCE_RANGE", "FZMAX", "FZMAX", most.load, c.FNOMIN),
+        kappa=min([*given("LONG_SLIP_RANGE", "KPUMIN", "KPUMAX"), most.kappa]),
+        alpha=min([*given("SLIP_ANGLE_RANGE", "ALPMIN", "ALPMAX"), most.alpha]),
+        camber=min([*given("INCLINATION_ANGLE_RANGE", "CAMMIN", "CAMMAX"), most.camber]),
+        load=min(high or most.load, most.load),
+        load_low=low or 0.0,
     )
+
+
+# What a property file has that its equations do not use
+
+
+def _without_effect(file: tir.PropertyFile, tyre: Tyre) -> list[str]:
+    """Keys that are foreign to the equations of a file and change no force; ValueError for one that does."""
+    if str(file.sections["MODEL"].get("FE_METHOD", "")).upper() == "YES":
+        reached = f"the forces by the weights reach {_over_ellipse(tyre):.2f} of such an ellipse"
+        message = "expected 'NO', because the weights G combine the slips, not a friction ellipse; got 'YES'"
+        raise ValueError(f"{file.places.get(('MODEL', 'FE_METHOD'), '')}FE_METHOD: {message}; {reached}")
+    found = []
+    for each in file.foreign:
+        effect = _effect(file, each)
+        if effect:
+            message = f"expected {each.neutral:g}, because the equations of version {file.version} do not use it"
+            where = file.places.get((each.section, each.key), "")
+            raise ValueError(f"{where}{each.key}: {message}; got {each.value:g}, which would change {effect}")
+        found.append(f"{each.key} = {each.value:g}")
+    if not tyre.pressure.inflation > 0.0:
+        keys = [key for section in file.sections for key in _PRESSURE_KEYS if file.get(section, key) != 0.0]
+        found += [f"{key}, as the file has no nominal pressure" for key in keys]
+    return found
+
+
+_PRESSURE_KEYS = (*PressureTerms._fields[1:], "QPX1", "QPZ1", "QPZ2", "QPFZ1")
+# Keys whose effect needs no other equations: what they multiply.
+_MULTIPLIES = dict.fromkeys(("LKG", "LKYG"), ("PHY3", "PVY3", "PVY4", "PKY6", "PKY7")) | {"LIP": ("NOMPRES", "IP_NOM")}
+_NOT_OF_FORCES = ("LGYR", "PTX4", "PTY3")  # gyroscopic couple; damping of ADAMS at low speed
+
+
+def _effect(file: tir.PropertyFile, foreign: tir.Foreign) -> str:
+    """What a key would change at the nominal load, by the equations that have it; empty if nothing."""
+    section, key, value, neutral = foreign
+    mu = 1.0
+    if key in _NOT_OF_FORCES:
+        return ""
+    if key in _MULTIPLIES:
+        factors = dict.fromkeys(_MULTIPLIES[key], value)
+        other = {n: {k: _times(v, factors.get(k)) for k, v in e.items()} for n, e in file.sections.items()}
+        pair = [file, replace(file, sections=other)]
+    elif key == "LMUV":
+        pair, mu = [file, file], 1.0 / (1.0 + value)  # where the sliding speed is LONGVL, (4.E7)
+    else:
+        version = next(v for v in (52, 61, 60) if key in tir.coefficients(section, v, pac2002=True))
+        model = {**file.sections["MODEL"], "PROPERTY_FILE_FORMAT": "PAC2002"}
+        pair = [
+            replace(file, version=version, sections={**file.sections, "MODEL": model, section: {**entries, key: each}})
+            for entries in (file.sections[section],)
+            for each in (neutral, value)
+        ]
+    try:
+        tyres = [replace(_from_file(each, "tyre"), limits=Limits()) for each in pair]
+        v_x = min(max(tyres[0].coefficients.LONGVL, 1.0), 100.0)
+        kappa, alpha, camber, turn = np.meshgrid(
+            (-0.1, 0.0, 0.1), (-0.1, -0.02, 0.0, 0.02, 0.1), (-0.05, 0.0, 0.05), (0.0, 0.1)
+        )
+        F_0 = file.get("VERTICAL", "FNOMIN")
+        before, after = (
+            each.forces(kappa, alpha, camber, F_0, v_x, factor, turn) for each, factor in zip(tyres, (1.0, mu))
+        )
+    except (ValueError, OverflowError):
+        return "forces that are no numbers"
+    changes = [float(np.abs(b - a).max()) for a, b in zip(before, after)]
+    units = ("F_x", " N"), ("F_y", " N"), ("M_x", " N m"), ("M_y", " N m"), ("M_z", " N m")
+    told = [f"{name} by up to {change:.3g}{unit}" for (name, unit), change in zip(units, changes) if change > 0.0]
+    return f"{', '.join(told)} at {F_0:g} N" if told else ""
+
+
+def _times(value: Any, factor: float | None) -> Any:
+    return value if factor is None or not isinstance(value, float) else factor * value
+
+
+def _over_ellipse(tyre: Tyre) -> float:
+    """The largest share of an ellipse through the peaks of F_x and F_y that the combined forces reach at FNOMIN [1]."""
+    slips = np.linspace(-0.3, 0.3, 61)
+    free = replace(tyre, limits=Limits())
+    kappa, alpha = np.meshgrid(slips, slips)
+    F_x, F_y = free.forces(kappa, alpha, 0.0, tyre.coefficients.FNOMIN, 20.0)[:2]
+    middle = slips.size // 2
+    return float(np.hypot(F_x / np.abs(F_x[middle]).max(), F_y / np.abs(F_y[:, middle]).max()).max())
+
+
+def _differences(file: tir.PropertyFile, tyre: Tyre) -> list[str]:
+    """What a file has whose meaning is not the same in every program, or that lies beyond its own range."""
+    c, told = tyre.coefficients, []
+    if c.LMUY != 1.0:
+        stiffness = cornering_stiffness(c, c.FNOMIN)
+        told.append(
+            f"LMUY = {c.LMUY:g} scales the peak of F_y and leaves the cornering stiffness, {stiffness:.4g} N/rad at "
+            f"{c.FNOMIN:g} N, as in the book; Project Chrono multiplies that by LMUY too, which makes it "
+            f"{c.LMUY * stiffness:.4g} N/rad"
+        )
+    couple = math.prod(
+        file.get(section, key, neutral)
+        for section, key, neutral in (
+            ("ALIGNING_COEFFICIENTS", "QTZ1", 0.0),
+            ("ALIGNING_COEFFICIENTS", "MBELT", 0.0),
+            (tir.SCALING, "LGYR", 1.0),
+        )
+    )
+    if couple:
+        told.append(
+            f"the gyroscopic couple by QTZ1 and MBELT, {couple:.3g} N m for each m/s of speed and m/s of lateral "
+            "deflection rate, is not computed"
+        )
+    low, high = (file.get("INFLATION_PRESSURE_RANGE", key) for key in ("PRESMIN", "PRESMAX"))
+    p = scaling.pressures(file)[1]
+    if p > 0.0 and not low <= p <= (high or p):
+        told.append(f"the inflation pressure {p:g} Pa is beyond PRESMIN and PRESMAX, {low:g} to {high:g} Pa")
+    return told
 
 
 def to_file(tyre: Tyre) -> tir.PropertyFile:
@@ -260,6 +446,7 @@ def to_file(tyre: Tyre) -> tir.PropertyFile:
     R_0, top, p = c.UNLOADED_RADIUS, tyre.limits, tyre.pressure.inflation
     if version == 52:  # PTY2 = 1 puts the peak of the sine at the nominal load
         values |= {"PTX1": tyre.longitudinal_relaxation_length / R_0, "PTY1": tyre.relaxation_length / R_0, "PTY2": 1.0}
+        values["QSY7"] = c.QSY7 - 1.0
     sections: dict[str, dict[str, Any]] = {
         "MDI_HEADER": {"FILE_TYPE": "tir", "FILE_VERSION": 3.0, "FILE_FORMAT": "ASCII"},
         "UNITS": {"LENGTH": "meter", "FORCE": "newton", "ANGLE": "radians", "MASS": "kg", "TIME": "second"},
@@ -271,15 +458,17 @@ def to_file(tyre: Tyre) -> tir.PropertyFile:
             "LONGITUDINAL_STIFFNESS": longitudinal_stiffness(c, c.FNOMIN) / tyre.longitudinal_relaxation_length,
             "LATERAL_STIFFNESS": cornering_stiffness(c, c.FNOMIN) / tyre.relaxation_length,
         },
-        "VERTICAL_FORCE_RANGE": {"FZMIN": 0.0, "FZMAX": top.load * c.FNOMIN},
+        "VERTICAL_FORCE_RANGE": {"FZMIN": top.load_low * c.FNOMIN, "FZMAX": top.load * c.FNOMIN},
         "LONG_SLIP_RANGE": {"KPUMIN": -top.kappa, "KPUMAX": top.kappa},
         "SLIP_ANGLE_RANGE": {"ALPMIN": -top.alpha, "ALPMAX": top.alpha},
         "INCLINATION_ANGLE_RANGE": {"CAMMIN": -top.camber, "CAMMAX": top.camber},
         tir.SCALING: dict.fromkeys(tir.coefficients(tir.SCALING, version), 1.0),
     }
     for section in tir.COEFFICIENTS:
-        sections[section] = {key: values.get(key, 0.0) for key in tir.coefficients(section, version)}
+        keys = tir.coefficients(section, version, pac2002=True)
+        sections[section] = {key: values.get(key, 0.0) for key in keys}
     if version == 52:
+        sections["MODEL"]["PROPERTY_FILE_FORMAT"] = "PAC2002"
         del sections["STRUCTURAL"]
     return tir.PropertyFile(version, {name: entries for name, entries in sections.items() if entries})
 
@@ -363,5 +552,6 @@ def load(name: str | os.PathLike | Mapping[str, Any] = "pacejka_2006_205_60r15",
         try:
             tyre = from_file(file, path.stem)
         except ValueError as problem:
-            raise ValueError(f"{name}: {problem}") from None
+            told = str(problem).startswith(f"{path}:")
+            raise ValueError(str(problem) if told else f"{name}: {problem}") from None
     return tyre.symmetric() if symmetric else tyre
