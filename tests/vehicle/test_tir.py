@@ -28,6 +28,9 @@ DATA = files("steer_env.vehicle").joinpath("data", "tyres")
 V52, V61, V62 = (DATA.joinpath(f"{name}.tir") for name in tyre.EXAMPLES)
 V = 20.0
 
+# Their warnings are the subject of test_tyre_files.py.
+pytestmark = pytest.mark.filterwarnings("ignore::steer_env.vehicle.tyre.TyreFile")
+
 
 class Numbers(dict):
     """Coefficients and factors of a file; those that it lacks are neutral."""
@@ -52,12 +55,16 @@ def weight(B, C, E, slip, S_H):
 
 
 def mf_tyre(version, q, kappa, alpha, gamma, Fz, Vx, mu=1.0, phit=0.0, p=None):
-    """MF-Tyre 5.2, 6.1, 6.2 in ISO axes for forward rolling: PAC2002; Besselink et al. 2010; Pacejka 2012, 4.3.3."""
+    """MF-Tyre 5.2, 6.1, 6.2 in ISO axes for forward rolling: PAC2002; Besselink et al. 2010; Pacejka 2012, 4.3.3.
+
+    PAC2002 adds terms of M_x, M_y and pressure to 5.2; a file of 5.2 lacks their keys.
+    """
     old = version == 52
     R0, Fz0 = q.UNLOADED_RADIUS, q.FNOMIN
     Fz0p = Fz0 * q.LFZO
     dfz = (Fz - Fz0p) / Fz0p
-    dpi = 0.0 if old or not q.NOMPRES else ((p or q.INFLPRES or q.NOMPRES) - q.NOMPRES) / q.NOMPRES
+    nominal = q.NOMPRES or q.IP_NOM
+    dpi = ((p or q.INFLPRES or q.IP or nominal) - nominal) / nominal if nominal else 0.0
     LMUX, LMUY = q.LMUX * mu, q.LMUY * mu
     LMUXp, LMUYp = (l if old else 10 * l / (1 + 9 * l) for l in (LMUX, LMUY))  # (4.E8)
     gx, gy, gz = (gamma * factor for factor in ((q.LGAX, q.LGAY, q.LGAZ) if old else (1, 1, 1)))
@@ -124,7 +131,16 @@ def mf_tyre(version, q, kappa, alpha, gamma, Fz, Vx, mu=1.0, phit=0.0, p=None):
     at = alpha + q.QHZ1 + q.QHZ2 * dfz + (q.QHZ3 + q.QHZ4 * dfz) * gz
     ar = alpha + SHf
     Bt = (q.QBZ1 + q.QBZ2 * dfz + q.QBZ3 * dfz**2) * (1 + q.QBZ4 * gz + q.QBZ5 * abs(gz)) * q.LKY / LMUY
-    Dt = Fz * (q.QDZ1 + q.QDZ2 * dfz) * (1 - q.PPZ1 * dpi) * (1 + q.QDZ3 * gz + q.QDZ4 * gz**2) * R0 / Fz0 * q.LTR * z5
+    Dt = (
+        Fz
+        * (q.QDZ1 + q.QDZ2 * dfz)
+        * (1 - (q.PPZ1 + q.QPZ1) * dpi)
+        * (1 + q.QDZ3 * gz + q.QDZ4 * gz**2)
+        * R0
+        / Fz0
+        * q.LTR
+        * z5
+    )
     Et = q.QEZ1 + q.QEZ2 * dfz + q.QEZ3 * dfz**2
     Et *= 1 + (q.QEZ4 + q.QEZ5 * gz) * 2 / pi * arctan(Bt * q.QCZ1 * at)
     Br = (q.QBZ9 * q.LKY / LMUY + q.QBZ10 * ByCy) * z6
@@ -136,7 +152,7 @@ def mf_tyre(version, q, kappa, alpha, gamma, Fz, Vx, mu=1.0, phit=0.0, p=None):
         Drp = curve(Kzg / (CD * DD * (1 - eps)), CD, DD, min(q.QDRP2, 1), R0 * phi)
         z8 = 1 + Drp
         z7 = 2 / pi * arccos(min(Minf * 2 / pi * arctan(q.QCRP2 * R0 * abs(phi)) * Gyk / abs(Drp), 1))
-    by_camber = (q.QDZ8 + q.QDZ9 * dfz) * (1 + q.PPZ2 * dpi) + (q.QDZ10 + q.QDZ11 * dfz) * abs(gz)
+    by_camber = (q.QDZ8 + q.QDZ9 * dfz) * (1 + (q.PPZ2 + q.QPZ2) * dpi) + (q.QDZ10 + q.QDZ11 * dfz) * abs(gz)
     Dr = (q.QDZ6 + q.QDZ7 * dfz) * q.LRES * z2 + by_camber * gz * (1.0 if old else q.LKZC) * z0
     Dr = Fz * R0 * Dr * LMUY * cos(alpha) + z8 - 1
     ate, are = (arctan(sqrt(tan(a) ** 2 + (Kx / Ky * kappa) ** 2)) * sign(a) for a in (at, ar))
@@ -145,20 +161,19 @@ def mf_tyre(version, q, kappa, alpha, gamma, Fz, Vx, mu=1.0, phit=0.0, p=None):
     Mz = -t * Gyk * (Fy0 if old else Fy0_upright) + Dr * cos(z7 * arctan(Br * are)) + s * Fx
 
     # Overturning couple and rolling resistance
-    Mx = q.QSX1 * q.LVMX - q.QSX2 * gamma * (1 + q.PPMX1 * dpi) + q.QSX3 * Fy / Fz0
+    Mx = q.QSX1 * q.LVMX - q.QSX2 * gamma * (1 + (q.PPMX1 + q.QPX1) * dpi) + q.QSX3 * Fy / Fz0
+    Mx += (
+        q.QSX4
+        * cos(q.QSX5 * arctan((q.QSX6 * Fz / Fz0) ** 2))
+        * sin(q.QSX7 * gamma + q.QSX8 * arctan(q.QSX9 * Fy / Fz0))
+    )
+    Mx += q.QSX10 * arctan(q.QSX11 * Fz / Fz0) * gamma - q.QSX12 * gamma * abs(gamma)
+    Mx += Fy / Fz * (q.QSX13 + q.QSX14 * abs(gamma))
     My = q.QSY1 + q.QSY2 * Fx / Fz0 + q.QSY3 * abs(Vx / q.LONGVL) + q.QSY4 * (Vx / q.LONGVL) ** 4
-    if old:
-        My *= -R0 * Fz * q.LMY
-    else:
-        Mx += (
-            q.QSX4
-            * cos(q.QSX5 * arctan((q.QSX6 * Fz / Fz0) ** 2))
-            * sin(q.QSX7 * gamma + q.QSX8 * arctan(q.QSX9 * Fy / Fz0))
-        )
-        Mx += q.QSX10 * arctan(q.QSX11 * Fz / Fz0) * gamma - q.QSX12 * gamma * abs(gamma)
-        Mx += Fy / Fz * (q.QSX13 + q.QSX14 * abs(gamma))
-        My += (q.QSY5 + q.QSY6 * Fz / Fz0) * gamma**2
-        My *= -R0 * Fz0 * q.LMY * (Fz / Fz0) ** q.QSY7 * (1 + dpi) ** q.QSY8
+    My += (q.QSY5 + q.QSY6 * Fz / Fz0) * gamma**2
+    # PAC2002 multiplies the load by what MF-Tyre 6.1 multiplies the nominal load by.
+    My *= -R0 * q.LMY * (Fz * (Fz / Fz0) ** q.get("QSY7", 0.0) if old else Fz0 * (Fz / Fz0) ** q.QSY7)
+    My *= (1 + dpi) ** q.QSY8
     return np.array([Fx, Fy, R0 * Fz * q.LMX * Mx, My, Mz])
 
 
@@ -259,6 +274,35 @@ def test_forces_of_the_packaged_tyre_are_those_of_the_book(factors, mu):
         subject = tyre.from_file(each)
         for point in points(11):
             agree(subject.forces(*point, mu), book(numbers(each), *point, mu), point[3])
+
+
+# What PAC2002 has beyond 5.2, each term so large that it matters.
+PAC2002 = {
+    "TIRE_CONDITIONS": {"IP": 190e3, "IP_NOM": 230e3},
+    "VERTICAL": {"QPFZ1": 0.6},
+    "LONGITUDINAL_COEFFICIENTS": {"PPX1": -0.4, "PPX2": 0.3, "PPX3": -0.1, "PPX4": 0.2},
+    "LATERAL_COEFFICIENTS": {"PPY1": 0.5, "PPY2": 0.9, "PPY3": -0.15, "PPY4": 0.1},
+    "OVERTURNING_COEFFICIENTS": {
+        **{"QSX4": 0.12, "QSX5": 0.9, "QSX6": 1.7, "QSX7": 0.4, "QSX8": -0.5, "QSX9": 0.7, "QSX10": 0.3, "QSX11": 0.8},
+        "QPX1": 0.7,
+    },
+    "ROLLING_COEFFICIENTS": {"QSY5": 0.09, "QSY6": -0.04, "QSY7": -0.15, "QSY8": -0.4},
+    "ALIGNING_COEFFICIENTS": {"QPZ1": 0.3, "QPZ2": -0.6},
+}
+
+
+@pytest.mark.parametrize("factors", ["one", "scaled"])
+def test_terms_of_pac2002(factors):
+    file = tir.read(V52)
+    file = dataclasses.replace(
+        file, sections={**file.sections, **{name: {**file.sections.get(name, {}), **e} for name, e in PAC2002.items()}}
+    )
+    file = scaled(file, 14) if factors == "scaled" else file
+    subject = tyre.from_file(file)
+    for point in points(15):
+        agree(subject.forces(*point), mf_tyre(52, numbers(file), *point), point[3])
+    stiffness = file.get("VERTICAL", "VERTICAL_STIFFNESS") * numbers(file).LCZ
+    assert subject.vertical_stiffness == pytest.approx(stiffness * (1 + 0.6 * (190 / 230 - 1)))
 
 
 @pytest.mark.parametrize("p", [150e3, 220e3, 290e3])
@@ -501,7 +545,7 @@ def test_units_other_than_si(tmp_path):
         **dict.fromkeys(("UNLOADED_RADIUS", "WIDTH"), 1e3),
         **dict.fromkeys(("FNOMIN", "FZMIN", "FZMAX"), 1e-3),
         **dict.fromkeys(("VERTICAL_STIFFNESS", "LONGITUDINAL_STIFFNESS", "LATERAL_STIFFNESS"), 1e-6),
-        **dict.fromkeys(("INFLPRES", "NOMPRES"), 1e-9),  # kN/mm2
+        **dict.fromkeys(("INFLPRES", "NOMPRES", "PRESMIN", "PRESMAX"), 1e-9),  # kN/mm2
         **dict.fromkeys(("ALPMIN", "ALPMAX", "CAMMIN", "CAMMAX"), 180 / math.pi),
         "LONGVL": 60e3,
     }
@@ -543,7 +587,14 @@ def edited(tmp_path, path, old, new):
         (V61, "PCX1   ", "PCX9   ", r"PCX1: expected in \[LONGITUDINAL_COEFFICIENTS\]", -1),
         (V61, "PEX1   ", "PEXX   ", r"PEXX: expected a key of \[LONGITUDINAL_COEFFICIENTS\]", 0),
         (V61, "PDX2   ", "PDX1   ", "PDX1: expected once, is in line [0-9]+ already", 0),
-        (V61, "[ALIGNING_COEFFICIENTS]", "[ALIGNING]", r"\[ALIGNING_COEFFICIENTS\]: expected this section", None),
+        (V61, "[VERTICAL]", "[UPRIGHT]", r"\[VERTICAL\]: expected this section", None),
+        (
+            V61,
+            "[ALIGNING_COEFFICIENTS]",
+            "[ALIGNING]",
+            r"QBZ1: expected in .ALIGNING_COEFFICIENTS., is in .ALIGNING.",
+            1,
+        ),
         (V61, "= -0.037 ", "= -0.0.37 ", "PDX2: expected a number, got '-0.0.37'", 0),
         (V61, "LFZO   ", "LMUV = 0.1\nLFZO   ", "LMUV: expected 0, .* version 61 do not use it; got 0.1", 0),
         (V52, "VXLOW ", "FE_METHOD = 'YES'\nVXLOW ", "FE_METHOD: expected 'NO'", 0),

@@ -55,6 +55,9 @@ class Limits(NamedTuple):
     load_low: float = 0.0  # lowest F_z over FNOMIN of the measurements [-]
 
 
+BEYOND_TYRE = "beyond_tyre"  # key of the meta of a recording with a list of mappings, the fields of :class:`Beyond`
+
+
 class Beyond(NamedTuple):
     """Values of a car's tyres outside the range of the tyre, in SI units."""
 

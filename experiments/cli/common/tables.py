@@ -66,11 +66,11 @@ def print_metrics(values: Mapping[str, Value], title: str, ratings: Mapping[str,
     if table.row_count:
         _print(printer, table, title)
     plain: dict[str, Any] = {"highlight": False, "soft_wrap": True, "markup": False}  # a reason may hold brackets
-    reasons = {value.reason for value in values.values()}
+    reasons = dict.fromkeys(value.reason for value in values.values())
     if len(values) > 1 and len(reasons) == 1 and "" not in reasons:
-        printer.print(f"every metric refused: {in_options(reasons.pop())}", **plain)
-        return
-    for reason in dict.fromkeys(value.reason for value in values.values() if value.reason):
+        printer.print(f"every metric refused: {in_options(next(iter(reasons)))}", **plain)
+        reasons = {}
+    for reason in filter(None, reasons):
         refused = ", ".join(name for name, value in values.items() if value.reason == reason)
         printer.print(f"{refused} refused: {in_options(reason)}", highlight=False, soft_wrap=True)
     for note in dict.fromkeys(note for value in values.values() for note in value.notes):

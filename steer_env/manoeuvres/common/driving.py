@@ -22,6 +22,7 @@ from steer_env.vehicle.cars import Car
 from steer_env.vehicle.chassis.common.interface import Names
 from steer_env.vehicle.steering import column, motor, stability
 from steer_env.vehicle.steering.eps import SAMPLE_TIME, without_assist
+from steer_env.vehicle.tyre import BEYOND_TYRE
 
 Array = NDArray[np.float64]
 HOLD = 10  # samples between two calls of a driver
@@ -351,7 +352,8 @@ def drive(
     Returns
     -------
     Recording
-        Channels in SI units; ``meta`` names the manoeuvre, the car, the law with its parameters, speed and amplitude.
+        Channels in SI units; ``meta`` names the manoeuvre, the car, the law with its parameters, speed and amplitude,
+        and as ``beyond_tyre`` wheel loads and slips outside the range of the tyre (:class:`vehicle.tyre.Beyond`).
 
     Raises
     ------
@@ -423,9 +425,23 @@ def drive_plant(
             **steered,
             "frequency_hz": manoeuvre.frequency,
             **simulator.about(car),
+            **(_beyond_tyre(car, channels) if simulator is OWN else {}),
             **manoeuvre.meta,
         },
     )
+
+
+def _beyond_tyre(car: Car, channels: dict[str, Array]) -> dict[str, list[dict[str, Any]]]:
+    """What the meta says of loads and slips outside the range of the tyre; nothing where all are inside."""
+    rolls = channels["vehicle_speed"] >= car.tyre.limits.v_x_low  # slip has no meaning at standstill
+    found = []
+    for quantity, channel in (("F_z", "wheel_load"), ("kappa", "kappa"), ("alpha", "tan_alpha")):
+        wheels = [channels[name] for wheel in chassis.WHEELS if (name := f"{channel}_{wheel}") in channels]
+        values = np.array(wheels if quantity == "F_z" else [each[rolls] for each in wheels])
+        if values.size:
+            found.append(car.tyre.beyond(quantity, np.arctan(values) if quantity == "alpha" else values))
+    beyond = [each._asdict() for each in found if each]
+    return {BEYOND_TYRE: beyond} if beyond else {}
 
 
 def _given(record: Array) -> list[int]:

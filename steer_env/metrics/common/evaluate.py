@@ -42,6 +42,7 @@ from steer_env.metrics.common.filtered_channels import ANGLE, AY, PLAUSIBLE, SPE
 from steer_env.metrics.common.kept import kept
 from steer_env.recording import driven
 from steer_env.recording.recording import DEGREE, Recording
+from steer_env.vehicle.tyre import BEYOND_TYRE, Beyond
 
 # i l [m], least and largest, and the lowest characteristic speed [m/s] of passenger cars; assumed.
 QUICK, SLOW, LOWEST_CHARACTERISTIC = 8.0 * 2.2, 25.0 * 3.6, 15.0
@@ -186,6 +187,7 @@ def evaluate(
         for doubt in doubts
     ]
     notes = tuple(reading.notes()) if hasattr(reading, "notes") else ()
+    notes += tuple(Beyond(**each).words for each in recording.meta.get(BEYOND_TYRE, ()))
     if scale and (torque := _hand_torque(recording)):
         notes += (f"the intervals allow for an error of {scale:.2g} of the scale of {torque}",)
     found = {}
