@@ -223,7 +223,8 @@ class PropertyFile:
             Foreign(section, key, float(value), neutral(key)[0])
             for section in _SETS
             for key, value in self.sections.get(section, {}).items()
-            if key not in self.keys(section) and isinstance(value, float) and value not in neutral(key)
+            if _HOME.get(key) == section and key not in self.keys(section)
+            if isinstance(value, float) and value not in neutral(key)
         ]
 
 
