@@ -249,6 +249,24 @@ def test_sizes_by_hand(path):
     assert size(path, "F_y") >= 0.99 * abs(straight[1] - straight[0]) > 10.0
 
 
+@pytest.mark.parametrize(
+    ("version", "section", "key", "value"),
+    [
+        ("5.2", LATERAL, "PKY7", 0.5),
+        ("PAC2002", ALIGNING, "QDZ11", 0.5),
+        ("60", ROLLING, "QSY7", 0.9),
+        ("5.2", LONGITUDINAL, "RBX3", 4.0),
+        ("PAC2002", "TURNSLIP_COEFFICIENTS", "PDYP1", 0.4),
+        ("5.2", "TURNSLIP_COEFFICIENTS", "QCRP1", 0.2),  # a torque of turning that its file leaves without a shape
+    ],
+)
+def test_a_change_away_from_the_nominal_load_is_a_change(version, section, key, value, path):
+    sections = with_key(version, section, key, value)
+    sections[LONGITUDINAL] |= {"RBX1": 5.0, "RCX1": 1.0}
+    with pytest.raises(ValueError, match=rf"own.tir:\d+: {key}: expected .*; got {value:g}, which would change "):
+        tyre.load(written(path, sections))
+
+
 def test_friction_that_falls_with_the_sliding_speed(path):
     written(path, with_key("61", SCALING, "LMUV", 0.25))
     assert 0.15 * F_0 < size(path, "F_x") < 0.21 * 1.08 * F_0  # at most the peak less the peak over 1.25

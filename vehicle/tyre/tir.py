@@ -18,6 +18,7 @@ import re
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -166,6 +167,11 @@ _HOME = {key: section for section, keys in _RANGES.items() for key in keys} | {
     for version in VERSIONS
     for key in (*coefficients(section, version, pac2002=True), *_UNUSED.get(section, ()))
 }
+
+
+def home(key: str) -> str:
+    """The section of a coefficient or of a range."""
+    return _HOME[key]
 
 
 class Foreign(NamedTuple):
@@ -351,7 +357,7 @@ def read(path: str | os.PathLike) -> PropertyFile:
     for (name, key), line in lines.items():
         if key and name in sections:
             value = sections[name][key]
-            _check_number(name, key, value, lambda message, line=line, key=key: error(line, key, message))
+            _check_number(name, key, value, partial(error, line, key))
             _check_units(key, value, sections["UNITS"], lines, error)
     file = PropertyFile(
         version,

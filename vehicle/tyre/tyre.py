@@ -303,18 +303,16 @@ def _limits(file: tir.PropertyFile, c: MagicFormula) -> Limits:
     """The ranges of a file, by magnitude, but within the defaults, which bound tan(alpha), camber and load."""
     most = Limits()
 
-    def given(section: str, *keys: str, per: float = 1.0) -> list[float]:
-        return sorted(value for key in keys if (value := abs(file.get(section, key)) / per) > 0.0)
+    def given(*keys: str) -> list[float]:
+        return sorted(abs(value) for key in keys if (value := file.get(tir.home(key), key)) != 0.0)
 
-    loads = given("VERTICAL_FORCE_RANGE", "FZMIN", "FZMAX", per=c.FNOMIN)
-    high = given("VERTICAL_FORCE_RANGE", "FZMAX", per=c.FNOMIN) and loads[-1]
-    low = given("VERTICAL_FORCE_RANGE", "FZMIN", per=c.FNOMIN) and loads[0]
+    loads, largest = given("FZMIN", "FZMAX"), given("FZMAX")
     return most._replace(
-        kappa=min([*given("LONG_SLIP_RANGE", "KPUMIN", "KPUMAX"), most.kappa]),
-        alpha=min([*given("SLIP_ANGLE_RANGE", "ALPMIN", "ALPMAX"), most.alpha]),
-        camber=min([*given("INCLINATION_ANGLE_RANGE", "CAMMIN", "CAMMAX"), most.camber]),
-        load=min(high or most.load, most.load),
-        load_low=low or 0.0,
+        kappa=min([*given("KPUMIN", "KPUMAX"), most.kappa]),
+        alpha=min([*given("ALPMIN", "ALPMAX"), most.alpha]),
+        camber=min([*given("CAMMIN", "CAMMAX"), most.camber]),
+        load=min(loads[-1] / c.FNOMIN, most.load) if largest else most.load,
+        load_low=loads[0] / c.FNOMIN if given("FZMIN") else most.load_low,
     )
 
 
@@ -348,7 +346,10 @@ _NOT_OF_FORCES = ("LGYR", "PTX4", "PTY3")  # gyroscopic couple; damping of ADAMS
 
 
 def _effect(file: tir.PropertyFile, foreign: tir.Foreign) -> str:
-    """What a key would change at the nominal load, by the equations that have it; empty if nothing."""
+    """What a key would change, by the equations that have it; empty if nothing.
+
+    The first of the nominal load, half of it and 1.5 times it at which it changes something is told.
+    """
     section, key, value, neutral = foreign
     mu = 1.0
     if key in _NOT_OF_FORCES:
@@ -367,22 +368,27 @@ def _effect(file: tir.PropertyFile, foreign: tir.Foreign) -> str:
             for entries in (file.sections[section],)
             for each in (neutral, value)
         ]
+    F_0 = file.get("VERTICAL", "FNOMIN")
+    slips = np.meshgrid((-0.1, 0.0, 0.1), (-0.1, -0.02, 0.0, 0.02, 0.1), (-0.05, 0.0, 0.05), (0.0, 0.1))
+    kappa, alpha, camber, turn = slips
     try:
         tyres = [replace(_from_file(each, "tyre"), limits=Limits()) for each in pair]
         v_x = min(max(tyres[0].coefficients.LONGVL, 1.0), 100.0)
-        kappa, alpha, camber, turn = np.meshgrid(
-            (-0.1, 0.0, 0.1), (-0.1, -0.02, 0.0, 0.02, 0.1), (-0.05, 0.0, 0.05), (0.0, 0.1)
-        )
-        F_0 = file.get("VERTICAL", "FNOMIN")
-        before, after = (
-            each.forces(kappa, alpha, camber, F_0, v_x, factor, turn) for each, factor in zip(tyres, (1.0, mu))
-        )
-    except (ValueError, OverflowError):
-        return "forces that are no numbers"
-    changes = [float(np.abs(b - a).max()) for a, b in zip(before, after)]
-    units = ("F_x", " N"), ("F_y", " N"), ("M_x", " N m"), ("M_y", " N m"), ("M_z", " N m")
-    told = [f"{name} by up to {change:.3g}{unit}" for (name, unit), change in zip(units, changes) if change > 0.0]
-    return f"{', '.join(told)} at {F_0:g} N" if told else ""
+        for load in (F_0, 0.5 * F_0, 1.5 * F_0):
+            before = np.array(tyres[0].forces(kappa, alpha, camber, load, v_x, 1.0, turn))
+            changes = np.abs(tyres[1].forces(kappa, alpha, camber, load, v_x, mu, turn) - before)
+            largest = changes.reshape(len(_FORCES), -1).max(axis=1)
+            if not np.isfinite(largest).all():
+                return f"forces to what is no number at {load:g} N"
+            told = [f"{name} by up to {most:.3g} {unit}" for (name, unit), most in zip(_FORCES, largest) if most > 0.0]
+            if told:
+                return f"{', '.join(told)} at {load:g} N"
+    except (ValueError, ArithmeticError) as problem:
+        return f"the tyre to one that is refused: {problem}"
+    return ""
+
+
+_FORCES = (("F_x", "N"), ("F_y", "N"), ("M_x", "N m"), ("M_y", "N m"), ("M_z", "N m"))
 
 
 def _times(value: Any, factor: float | None) -> Any:
