@@ -360,6 +360,7 @@ WAYS = {
     "header of another program": "[MDI_HEADER]\nFILE_TYPE ='tir'\nFILE_VERSION =3.0\n! : COMMENT : own\n" + TEXT,
     "own section": TEXT + "\n[MAKER]\nINFLATION_PRESSURE = 4.14\nTEST_NUMBER = ''\nWIDTH = 3\n",
     "FITTYP of 5.2": TEXT.replace("LONGVL", "FITTYP = 6\nLONGVL"),
+    "FITTYP in quotes": TEXT.replace("LONGVL", "FITTYP = '21'\nLONGVL"),
 }
 
 

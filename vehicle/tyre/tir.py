@@ -179,8 +179,8 @@ class Foreign(NamedTuple):
 
     section: str
     key: str
-    value: float
-    neutral: float
+    value: float  # as in the file, a factor or coefficient
+    neutral: float  # value that changes nothing
 
 
 @dataclass(frozen=True)
@@ -379,19 +379,21 @@ def _trimmed(body: list[str]) -> tuple[str, ...]:
 def _version(
     model: dict[str, Any], lines: dict[tuple[str, str], Any], error: Callable[..., Exception], notes: list[str]
 ) -> int:
-    found = {}
+    found, given = {}, {key: value for key, value in model.items() if value != ""}
     for key, known in (("FITTYP", _FITTYP), ("PROPERTY_FILE_FORMAT", _FORMATS)):
-        if model.get(key, "") == "":
+        if key not in given:
             continue
-        value = model[key].upper() if isinstance(model[key], str) else model[key]
+        value: Any = (
+            _value(given[key].upper()) if isinstance(given[key], str) else given[key]
+        )  # a number may be in quotes
         if value in known:
             found[key] = known[value]
         elif key == "FITTYP" or "FITTYP" not in found:
-            raise error(lines["MODEL", key], key, f"expected one of {', '.join(map(str, known))}, got {model[key]!r}")
+            raise error(lines["MODEL", key], key, f"expected one of {', '.join(map(str, known))}, got {given[key]!r}")
     if not found:
         raise error(lines["MODEL", ""], "FITTYP", "expected in [MODEL], or PROPERTY_FILE_FORMAT")
     if len(set(found.values())) > 1:
-        notes.append(f"PROPERTY_FILE_FORMAT {model['PROPERTY_FILE_FORMAT']!r}, as FITTYP {model['FITTYP']:g} decides")
+        notes.append(f"PROPERTY_FILE_FORMAT {given['PROPERTY_FILE_FORMAT']!r}, as FITTYP {found['FITTYP']} decides")
     return next(iter(found.values()))
 
 

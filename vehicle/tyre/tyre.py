@@ -63,27 +63,27 @@ class Beyond(NamedTuple):
 
     tyre: str
     quantity: str  # a key of ``_QUANTITIES``
-    lowest: float  # of all values
-    largest: float
-    low: float  # of the range
-    high: float
+    lowest: float  # of all values [N, 1 or rad]
+    largest: float  # of all values [N, 1 or rad]
+    low: float  # of the range [N, 1 or rad]
+    high: float  # of the range [N, 1 or rad]
     share: float  # of the values outside it [1]
 
     @property
     def words(self) -> str:
         """The same as a clause."""
-        name, unit, keys = _QUANTITIES[self.quantity]
+        name, unit, declared = _QUANTITIES[self.quantity]
         return (
             f"{name} from {self.lowest:.4g} to {self.largest:.4g}{unit}, {100.0 * self.share:.3g} % of them beyond the "
-            f"range of {self.tyre}, {self.low:.4g} to {self.high:.4g}{unit} ({keys} of a file): its forces there are "
+            f"range of {self.tyre}, {self.low:.4g} to {self.high:.4g}{unit} ({declared}): its forces there are "
             "extrapolated"
         )
 
 
 _QUANTITIES = {
-    "F_z": ("wheel loads", " N", "FZMIN and FZMAX"),
-    "kappa": ("longitudinal slips", "", "KPUMIN and KPUMAX"),
-    "alpha": ("slip angles", " rad", "ALPMIN and ALPMAX"),
+    "F_z": ("wheel loads", " N", "FZMIN and FZMAX, at most 3 FNOMIN"),
+    "kappa": ("longitudinal slips", "", "KPUMIN and KPUMAX, at most 1.5"),
+    "alpha": ("slip angles", " rad", "ALPMIN and ALPMAX, at most 1.5 rad"),
 }
 
 
