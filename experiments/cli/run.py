@@ -33,7 +33,7 @@ class Run(NamedTuple):
     """One manoeuvre, driven and written."""
 
     title: str
-    values: "dict[str, Value]"  # whose notes tell of a tyre beyond its range, too
+    values: "dict[str, Value]"
     path: Path | None  # None where it could not be driven, or was driven by a worker
     failure: str = ""
 

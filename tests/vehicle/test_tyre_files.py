@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from steer_env import manoeuvres
+from steer_env.experiments.cli.common.tables import print_metrics
 from steer_env.experiments.cli.main import main
 from steer_env.friction.numerics import check
-from steer_env.metrics import evaluate
+from steer_env.metrics import Value, evaluate
 from steer_env.vehicle import cars, tyre
 from steer_env.vehicle.constants import GRAVITY
 from tests.vehicle.test_tir import Numbers, agree, book, mf_tyre
@@ -470,6 +471,12 @@ def test_run_prints_the_loads(path, tmp_path, capsys):
     printed = capsys.readouterr()
     assert "N in front" in printed.err
     assert re.search(r"note: wheel loads from \d+ to 4\d\d\d N, 100 % of them", printed.out)
+
+
+def test_notes_are_printed_where_every_metric_is_refused(capsys):
+    refused = Value(np.nan, np.nan, np.nan, "N m", "too slow", notes=("wheel loads beyond",))
+    print_metrics({"one": refused, "other": refused}, "weave")
+    assert capsys.readouterr().out.splitlines() == ["every metric refused: too slow", "note: wheel loads beyond"]
 
 
 # Files and their truth, at random
