@@ -268,6 +268,27 @@ def test_caution_bounds_the_feel_in_quick_steering(name):
     assert usual < 0.9 * alone
 
 
+def test_grip_and_quick_motion_fade_in_closed_form():
+    """A torque that begins and ends at once: two lags of 4 Hz, then a decay; a jerk at the wheel decays as slowly."""
+    batch = environment("Weave").batch
+    feel, dt = Feel(batch, 30.0), batch.control_dt
+    t, rest, held = dt * np.arange(1, round(3.0 / dt)), np.zeros(1), round(1.0 / dt)
+    feel.begin(0, 0.0)
+    found = [feel.shares(np.full(1, 2.0 if k < held else 0.0), rest, rest)[0] for k in range(t.size)]
+    grip = 0.1 * np.sqrt(np.array(found) / (1.0 - np.array(found)))
+    left, n = math.exp(-2.0 * math.pi * 4.0 * dt), np.arange(1, held + 1)  # of a step after dt and after n dt
+    expected = 2.0 * (1.0 - left**n * (1.0 + n * (1.0 - left))) - 0.2
+    growing = expected > 0.0
+    np.testing.assert_allclose(grip[:held][growing], expected[growing], rtol=1e-9)
+    np.testing.assert_allclose(np.diff(np.log(grip[(t > 1.5) & (t < 2.0)])) / dt, -1.0 / 0.15, rtol=1e-6)
+
+    feel.begin(0, 0.0)
+    jerk = np.where(t < 0.05, 0.3, 0.0)
+    found = [feel.shares(np.full(1, 50.0), np.array([rate]), np.full(1, 30.0))[0] for rate in jerk]
+    quick = np.sqrt(1.0 / np.array(found) - 1.0)[t > 2.0]  # what is left of the jerk, over what is slow and dies out
+    assert np.log(quick[0] / quick[-1]) == pytest.approx((t[-1] - t[t > 2.0][0]) / 1.6, rel=0.02)
+
+
 def test_a_standing_car_feels_as_in_parking():
     env = environment("Weave")
     feel, rate = Feel(env.batch, 1.0), np.array([2.0])

@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 
 from steer_env import manoeuvres, metrics
-from steer_env.metrics.common import definitions
+from steer_env.metrics.common import decay, definitions, events
 from steer_env.metrics.common.confidence import trend
 from steer_env.metrics.common.registry import EVALUATIONS
 from steer_env.recording.recording import DEGREE, Recording
@@ -285,3 +285,13 @@ def test_a_recording_without_a_manoeuvre_asks_for_the_test():
     nameless = Recording(clean.time, clean.channels, clean.units)
     with pytest.raises(ValueError, match=r"meta names no manoeuvre; say which test it is: .*weave"):
         metrics.evaluate(nameless)
+
+
+def test_extremes_of_polynomials_are_exact():
+    """The top of a cubic and the bottom of a parabola between samples, and the parabola where its bottom is known."""
+    x = 0.35 + 0.01 * np.arange(200)
+    at, height = events.peak(x, 2.0 - 1.7 * (x - 1.2345) ** 2 + 0.4 * (x - 1.2345) ** 3)
+    assert (at, height) == pytest.approx((1.2345, 2.0), abs=1e-10)
+    bowl = 0.3 + 2.5 * (x - 1.2345) ** 2
+    assert decay.lowest(x, bowl) == pytest.approx((1.2345, 0.3), abs=1e-10)
+    assert decay.lowest(x, bowl, at=1.2312) == pytest.approx((1.2312, 0.3 + 2.5 * 0.0033**2), abs=1e-10)
