@@ -230,17 +230,6 @@ def test_stability_has_the_loop_of_the_kernels_with_free_hands(delay):
         assert np.abs(found - pole).min() < 2e-3, pole
 
 
-@pytest.mark.parametrize(
-    ("key", "stable", "unstable", "speed"),
-    [("inertia_compensation", 0.02, 0.05, 0.0), ("lead_lag_gain", -0.1, -0.3, 10.0), ("lead_lag_gain", 0.5, 3.0, V)],
-)
-def test_stability_agrees_with_the_margins(key, stable, unstable, speed):
-    for value, expected in ((stable, True), (unstable, False)):
-        car = compact(**{key: value})
-        assert worst_margins(car.column, car.assist, speed).stable == expected
-        assert stability.stable(car.column, car.assist, speed, free=False) == expected
-
-
 def test_tables_are_read_at_the_size_of_the_speed():
     """In reverse the assist is that of the same speed forwards, and not that at standstill."""
     a = compact(**{**EVERY, "return_gain": [0.0, 2.0, 4.0, 8.0, 10.0, 10.0, 10.0, 10.0]}).assist

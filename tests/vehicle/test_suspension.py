@@ -1,4 +1,4 @@
-"""Closure of the linkage, its derivatives, and the rack force; ``tests.verification`` has table and statics."""
+"""Closure of the linkage and its derivatives; ``tests.verification`` has the table, and the rack force by statics."""
 
 import numpy as np
 import pytest
@@ -7,10 +7,7 @@ from hypothesis import strategies as st
 
 from steer_env.vehicle.suspension.macpherson import (
     MacPherson,
-    WheelLoad,
-    load_coefficients,
     mirrored,
-    rack_force,
 )
 
 STRUT = MacPherson.load("s1")
@@ -21,8 +18,7 @@ POSITIONS = ("wheel_centre", "contact", "lower_ball_joint", "tie_rod_outer", "ti
 
 def random_cases(count, seed=0):
     rng = np.random.default_rng(seed)
-    load = WheelLoad(*(rng.uniform(-1, 1, (8, count)).T * [3e3, 3e3, 4e3, 6e3, 200, 500, 150, 500]).T)
-    return rng.uniform(-0.075, 0.075, count), rng.uniform(-0.08, 0.08, count), load
+    return rng.uniform(-0.075, 0.075, count), rng.uniform(-0.08, 0.08, count)
 
 
 def test_s2_as_the_pages_tell_it():
@@ -74,7 +70,7 @@ def test_left_is_positive(rack, travel):
 
 @pytest.mark.parametrize(("coordinate", "du"), [("per_rack", (1e-5, 0.0)), ("per_travel", (0.0, 1e-5))])
 def test_derivatives_equal_differences(coordinate, du):
-    rack, travel, _ = random_cases(50)
+    rack, travel = random_cases(50)
     motion = getattr(STRUT.solve(rack, travel), coordinate)
     ahead, behind = STRUT.solve(rack + du[0], travel + du[1]), STRUT.solve(rack - du[0], travel - du[1])
     h = 2 * sum(du)
@@ -92,7 +88,7 @@ def test_derivatives_equal_differences(coordinate, du):
 
 
 def test_fixed_strut_turns_about_the_king_pin():
-    rack, travel, _ = random_cases(50)
+    rack, travel = random_cases(50)
     pose = STRUT.solve(rack, travel)
     motion = pose.at_fixed_strut()
     axis = pose.strut_top - pose.lower_ball_joint
@@ -102,7 +98,7 @@ def test_fixed_strut_turns_about_the_king_pin():
 
 
 def test_batch_equals_scalar():
-    rack, travel, _ = random_cases(6)
+    rack, travel = random_cases(6)
     batch = STRUT.solve(rack.reshape(2, 3), travel.reshape(2, 3))
     assert batch.contact.shape == (2, 3, 3)
     for k in range(6):
@@ -142,56 +138,6 @@ def test_right_wheel_is_the_mirror_image():
     again = mirrored(mirrored(left))
     np.testing.assert_array_equal(again.rotation, left.rotation)
     np.testing.assert_array_equal(again.per_rack.rotation, left.per_rack.rotation)
-
-
-# Rack force.
-
-
-def pair_force(rack, left_load, right_load):
-    left, right = STRUT.solve_pair(rack, 0.0, 0.0)
-    return float(rack_force(left, left_load) + rack_force(right, right_load))
-
-
-def test_cornering_to_the_left_resists_a_left_turn():
-    half = WheelLoad(F_y=765 / 2)
-    assert pair_force(0.0, half, half) == pytest.approx(765 * 0.018 / 0.1149, rel=0.03)
-    half = WheelLoad(F_y=765 / 2, M_z=-765 / 2 * 0.030)  # pneumatic trail 30 mm
-    assert pair_force(0.0, half, half) == pytest.approx(765 * 0.048 / 0.1149, rel=0.03)
-
-
-def test_wheel_load_cancels_straight_and_centres_when_steered():
-    load = WheelLoad(F_z=3700.0)
-    assert pair_force(0.0, load, load) == 0.0
-    assert pair_force(0.03, load, load) == pytest.approx(270, abs=0.5)
-    for rack in (0.01, 0.03, 0.06):
-        assert pair_force(rack, load, load) > 0.0
-        assert pair_force(-rack, load, load) == -pair_force(rack, load, load)
-
-
-def test_drive_and_brake_forces_cancel_between_the_wheels():
-    for load in (WheelLoad(F_x_centre=2000.0), WheelLoad(F_x_contact=-2000.0)):
-        assert pair_force(0.0, load, load) == 0.0
-        assert pair_force(0.0, load, WheelLoad()) != 0.0
-
-
-def test_brake_acts_on_the_scrub_and_drive_on_the_lever_at_the_wheel_centre():
-    pose = STRUT.solve(0.0, 0.0)
-    work = load_coefficients(pose)
-    turn = pose.at_fixed_strut().rotation[2]
-    assert work.F_x_contact / turn == pytest.approx(-pose.scrub, rel=1e-9)  # king-pin axis pierces the ground there
-    assert work.F_x_centre / turn == pytest.approx(-(pose.scrub + 0.298 * np.tan(pose.kingpin_inclination)), rel=1e-9)
-
-
-@given(RACK, TRAVEL, TRAVEL)
-def test_mirrored_car_has_the_opposite_rack_force(rack, travel_left, travel_right):
-    _, _, load = random_cases(2)
-    sign = WheelLoad(1, 1, -1, 1, -1, 1, -1, 1)
-    left, right = (WheelLoad(*(float(channel[k]) for channel in load)) for k in (0, 1))
-    mirrored_left, mirrored_right = (WheelLoad(*(s * f for s, f in zip(sign, wheel))) for wheel in (right, left))
-    one, two = STRUT.solve_pair(rack, travel_left, travel_right)
-    three, four = STRUT.solve_pair(-rack, travel_right, travel_left)
-    force = rack_force(one, left) + rack_force(two, right)
-    assert force == -(rack_force(three, mirrored_left) + rack_force(four, mirrored_right))
 
 
 # Refusals.
