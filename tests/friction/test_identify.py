@@ -45,14 +45,6 @@ def test_own_record(p):
         assert getattr(found.parameters, name) == pytest.approx(getattr(p, name), rel=1e-6)
 
 
-def test_defaults_are_lugre_over_sine_loops():
-    x = np.concatenate([a * np.sin(2.0 * np.pi * 0.1 * np.arange(0.0, 10.0, DT)) for a in (0.05, 0.01, 0.02, 0.05)])
-    found = friction.fit(x, friction.response("lugre", x, DT), dt=DT)
-    without = found.parameters._replace(v_s=0.1)  # without a Stribeck effect it has no influence
-    assert "v_s" in found.undetermined
-    assert without == pytest.approx(friction.make("lugre"), rel=1e-6)
-
-
 def test_masing_finds_a_virgin_curve_off_its_grid():
     """An exponential curve: the polygon on the grid of yields is within half a percent of the saturated torque."""
     p = friction.make("masing", F_c=1.3, x_c=0.004, elements=32)

@@ -115,4 +115,4 @@ def test_the_measured_rig(displacement):
         found = friction.fit(x[:n], record.friction[:n], name, dt=record.dt)
         e = friction.response(found.parameters, x, record.dt) + found.offset - record.friction
         left[name] = float(np.sqrt(np.mean(e[n:] ** 2))) / mean
-    assert left["masing_position"] < 0.034 < 0.045 < left["masing"]
+    assert left["masing_position"] < 0.034 < 0.045 < left["masing"] < 0.05

@@ -116,17 +116,6 @@ def test_a_motion_grows_where_the_simulation_grows(kph, share, assist):
     assert (rest > 10.0) == (delay > 0), "both verdicts must be met, at the largest torque"
 
 
-def test_a_rig_has_the_loop_with_fixed_hands():
-    """Without rack force the loop is that of the closed forms of the column, within 0.5 % up to 20 Hz."""
-    rig = CAR._replace(steering={**CAR.steering, "pinion_radius": 1e-9})
-    point = steady(cornering(CAR, SPEED))
-    point = point._replace(plant=point.plant._replace(pinion_radius=rig.steering["pinion_radius"]))
-    gain = margins.boost_gain(CAR.assist, 0.0, SPEED)
-    f = np.geomspace(0.5, 20.0, 30)
-    expected = margins.hands_fixed_loop(CAR.column, CAR.assist, gain, SPEED)(np.exp(2j * math.pi * f * SAMPLE_TIME))
-    np.testing.assert_allclose(assist_loop.open_loop(point).response(f), expected, rtol=0.005)
-
-
 def test_margins_of_a_known_loop():
     """Margins of a third-order loop with a delay are those of python-control, the disk margin too."""
     dt = 1e-3

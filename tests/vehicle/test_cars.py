@@ -38,10 +38,6 @@ def test_steering_ratio_and_arm():
     assert 2.0 * math.pi * CAR.steering["pinion_radius"] == pytest.approx(0.0431, abs=1e-4)
 
 
-def test_wheels_stand_at_the_front_track():
-    assert CAR.strut.points["wheel_centre"][1] == pytest.approx(0.5 * 1.55)
-
-
 def test_friction_by_name_or_by_parameters():
     p = friction.make("coulomb", F_c=1.5)
     assert CAR.plant(p).friction is p

@@ -11,7 +11,7 @@ from steer_env.vehicle import cars, plant
 from steer_env.vehicle.analysis import linearised, understeer
 from steer_env.vehicle.analysis.linearised import linearise
 from steer_env.vehicle.analysis.operating_point import HANDS, cornering, held, steady
-from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST, HAND, HAND_SPEED, INPUTS, RACK_DISTURBANCE
+from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST, HAND, INPUTS, RACK_DISTURBANCE
 from steer_env.vehicle.steering.margins import boost_gain
 from tests.by_law import pairs
 
@@ -213,17 +213,6 @@ def test_a_car_at_standstill():
     assert point.channel("longitudinal_speed") == pytest.approx(0.0, abs=1e-6)
     with pytest.raises(ValueError, match="at standstill only straight running"):
         steady(turn, torque=1.0)
-
-
-def test_names(turns):
-    """States, inputs and outputs have the names of the plant, each once."""
-    for hands in HANDS:
-        g = linearise(held(steady(turns["two_track"]), hands, "lugre", ARMS if hands == "arms" else (0.0,) * 3))
-        for labels in (g.state_labels, g.input_labels, g.output_labels):
-            assert len(set(labels)) == len(labels)
-        assert {"handwheel_angle", "column_speed", "friction_memory_0"} <= set(g.state_labels)
-        assert ("hand_torque" in g.input_labels) == (hands != "on")
-    assert HAND_SPEED == 1
 
 
 def test_refusals(turns):

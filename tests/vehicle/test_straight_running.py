@@ -51,23 +51,6 @@ def test_nothing_moves(car, chassis, speed, grip):
     assert plant.held_speed(p) == pytest.approx(speed, abs=1e-9)
 
 
-@pytest.mark.parametrize("speed", [0.0, 25.0])
-def test_left_equals_right_to_the_bit(speed):
-    p, begun = settled(speed=speed)
-    x = begun[layout_of(p).chassis : layout_of(p).rate]
-    for first, sign in (
-        (two_track.TRAVEL, 1.0),
-        (two_track.OMEGA, 1.0),
-        (two_track.KAPPA, 1.0),
-        (two_track.TAN_ALPHA, -1),
-    ):
-        front_left, front_right, rear_left, rear_right = x[first : first + 4]
-        assert (front_left, rear_left) == (sign * front_right, sign * rear_right)
-    left, right = x[two_track.COMPLIANCE : two_track.COMPLIANCE + 2]
-    assert left == -right
-    assert not begun[layout_of(p).rack_force]
-
-
 @pytest.mark.parametrize("car", cars.available())
 @pytest.mark.parametrize(("speed", "grade", "grip"), [(70.0, 0.0, 1.0), (3.0, -0.2, 0.1), (20.0, 0.15, 0.1)])
 def test_a_speed_that_no_car_holds_is_what_five_seconds_leave_of_it(car, speed, grade, grip):
