@@ -128,15 +128,6 @@ def test_a_chassis_that_stands_is_brought_to_the_speed_of_the_manoeuvre(name, st
             assert divided[metric].value == pytest.approx(value.value, rel=0.05, abs=1e-6)
 
 
-def test_a_chassis_that_starts_at_the_speed_of_the_manoeuvre_drives_as_the_whole_car(standing):
-    manoeuvre = manoeuvres.make("step-steer")
-    whole = metrics.evaluate(manoeuvres.drive(CAR, replace(manoeuvre, chassis="two_track")))
-    divided = metrics.evaluate(divided_drive(manoeuvre, standing.with_suffix(".fmu")))
-    for metric, value in whole.items():
-        if not value.reason:
-            assert divided[metric].value == pytest.approx(value.value, rel=1e-3, abs=1e-6)
-
-
 def test_parking_and_a_change_of_speed_that_a_manoeuvre_asks_for(standing):
     for name, options, channel, error in (
         ("parking", {}, "rack_force", 1e-5),

@@ -250,23 +250,6 @@ def test_the_unit_tells_what_it_is_made_of(weave):
     assert repr(again) == repr(manoeuvres.build_plant(cars.load("compact"), m, "lugre"))
 
 
-def test_fmpy_simulates(weave):
-    """An importer's own loop, with steps of 10 ms, in which the angle is a cubic between the ends."""
-    m, path = weave
-    t = np.arange(0.0, 2.0 + 1e-9, 0.01)
-    angle, speed = m.hand(t, 0.2)
-    inputs = np.array(list(zip(t, angle, speed)), dtype=[("time", float), ("hand_angle", float), ("hand_speed", float)])
-    found = fmpy.simulate_fmu(
-        str(path), stop_time=2.0, step_size=0.01, output_interval=0.01, input=inputs, output=["yaw_rate"]
-    )
-    p = manoeuvres.build_plant(cars.load("compact"), m, "lugre")
-    record, _ = in_python(p, manoeuvres.inputs(m, 0.2, 2.0), plant.channels(p))
-    expected = record[9::10, plant.CHANNEL["yaw_rate"]]
-    # fmpy sets the inputs of the beginning of a step, so that the hands are a step of 10 ms late.
-    late = np.interp(t[1:] - 0.01, t[1:], expected)
-    assert found["yaw_rate"][1:] == pytest.approx(late, abs=2e-3 * np.ptp(expected))
-
-
 def test_longer_steps_end_where_steps_of_a_millisecond_do(weave, tmp_path):
     _, path = weave
     with opened(path, tmp_path) as (unit, references, _):

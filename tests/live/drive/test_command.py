@@ -165,13 +165,6 @@ def test_files_of_one_name_are_told_by_their_folders_and_with_their_law(tmp_path
     assert {each["law"] for each in configurations} == {"lugre of fitted.json"}
 
 
-def test_the_devices_are_listed(capsys):
-    assert main(["drive", "--list-devices"]) == 0
-    out = capsys.readouterr().out
-    assert "keyboard" in out
-    assert "fake" in out
-
-
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [

@@ -3,14 +3,13 @@
 import gc
 import math
 import sys
-import threading
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from steer_env import friction
-from steer_env.live.real_time import CarConfiguration, CarConfigurations, Mailboxes, RealTime
+from steer_env.live.real_time import CarConfiguration, CarConfigurations
 from steer_env.live.real_time.configurations import FADE, HEAD, IMPLAUSIBLE, LONGEST, NEXT, PLACE, RUN_IN, SHARE
 from steer_env.live.real_time.model import model_of, restart, step
 from steer_env.vehicle import cars, subsystems
@@ -344,36 +343,6 @@ def test_configurations_keep_what_their_code_needs():
         assert step(model, 1)
         assert np.array_equal(model.outputs[0], expected[k, :-1])
     assert noise
-
-
-def test_configurations_run_in_real_time_beside_threads_that_choose():
-    """Choices of three threads, the loop at its deadlines, and every sample in the recorder."""
-    configurations = configurations_of(dict(list(DIFFERENT.items())[:2]))
-    mail = Mailboxes(configurations)
-    over = threading.Event()
-
-    def choose(seed):
-        draw = np.random.default_rng(seed)
-        while not over.wait(0.2 + 0.4 * draw.random()):
-            configurations.choose(int(draw.integers(2)))
-
-    threads = [threading.Thread(target=choose, args=(seed,)) for seed in range(3)]
-    with RealTime(configurations, mail.device, most=20_000) as running:
-        for each in threads:
-            each.start()
-        while configurations.counts()["switched"] < 2 and running.counts()["ticks"] < 15_000:
-            mail.put(np.zeros(len(configurations.subsystem.given)))
-        over.set()
-        for each in threads:
-            each.join()
-    rows, lost = running.recorder.drain()
-    names = running.recorder.columns
-    shares, acting = rows[:, names.index("share")], rows[:, names.index("set")]
-    assert lost == max(running.counts()["ticks"] - 10_000, 0)
-    assert len(rows) + lost == running.counts()["ticks"]
-    assert set(acting) == {0.0, 1.0}
-    assert 0.0 < shares.max() < 1.0
-    assert np.abs(np.diff(rows[:, names.index("torsion_bar_torque")])).max() < MARK
 
 
 def test_bad_configurations_are_named():
