@@ -1,12 +1,11 @@
 """Infos: the same keys and types at reset, at every step and at the end, single and vector."""
 
 import math
-import warnings
 
 import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import check_env, data_equivalence
+from gymnasium.utils.env_checker import data_equivalence
 from gymnasium.vector import AutoresetMode
 
 from steer_env.engine.infos import LEVELS, row
@@ -98,15 +97,6 @@ def test_a_level_leaves_out_vector_infos(mode, level):
             chosen = {"reset_mask": over}
             assert equal(vector.reset(options=chosen)[1], at_level(full.reset(options=chosen)[1], level))
     assert ends > 3
-
-
-@pytest.mark.parametrize("level", LEVELS[1:])
-def test_gymnasium_accepts_every_level(level):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        check_env(gym.make(WEAVE, info_level=level).unwrapped, skip_render_check=True)
-    again = gym.make(gym.make(WEAVE, info_level=level).spec)
-    assert again.unwrapped.info_level == level
 
 
 def test_an_unknown_level_is_refused_with_the_known():

@@ -191,22 +191,6 @@ def test_double_lane_change_at_80_without_a_cone_on_two_tracks():
     assert (values["course_completed"].value, values["cones_hit"].value) == (1.0, 0.0)
 
 
-@pytest.mark.parametrize("chassis", ["single_track", "two_track"])
-def test_mirrored_run(chassis):
-    """A course to the right gives every sign changed and nothing else, to the last bit."""
-    test = {
-        mirrored: replace(manoeuvres.make("double-lane-change", mirrored=mirrored), chassis=chassis)
-        for mirrored in (False, True)
-    }
-    left, right = (manoeuvres.drive(CAR, test[mirrored], "masing") for mirrored in (False, True))
-    for name in ("handwheel_angle", "handwheel_torque", "rack_force", "y", "yaw_angle", "lateral_acceleration"):
-        assert np.array_equal(left[name], -right[name]), name
-    assert np.array_equal(left["x"], right["x"])
-    a, b = (metrics.evaluate(recording) for recording in (left, right))
-    for name, value in a.items():
-        assert b[name].value == pytest.approx(value.value, rel=1e-6), name
-
-
 def test_the_course_is_not_passed_faster_than_by_a_point_with_the_grip_of_the_tyres():
     """A linear program gives the least curvature with which a point stays half a width within the gates, at any yaw."""
     car = iso3888.outline(CAR)

@@ -101,34 +101,6 @@ def test_what_is_refused():
             SteerVecEnv(WEAVE, 2, info_level=level)
 
 
-def test_tuning_ids_are_those_of_single_environments():
-    """Observations, rewards and infos over the end of episodes of two sets, and a short training."""
-    env = VecMonitor(SteerVecEnv(TUNE, 2, workers=1, sets=2, randomise={"load": (0, 300)}))
-    env.seed(3)
-    singles = [gym.make(TUNE, sets=2, randomise={"load": (0, 300)}) for _ in range(2)]
-    first = env.reset()
-    assert np.array_equal(first, [single.reset(seed=3 + i)[0] for i, single in enumerate(singles)])
-    rng = np.random.default_rng(0)
-    for k in range(3):
-        actions = rng.uniform(-0.5, 0.5, (2, 8)).astype(np.float32)
-        seen, rewards, done, infos = env.step(actions)
-        assert done.tolist() == [k == 1] * 2
-        for i, single in enumerate(singles):
-            last, reward, _, truncated, info = single.step(actions[i])
-            assert rewards[i] == np.float32(reward)
-            assert infos[i]["cost"] == info["cost"]
-            if truncated:
-                assert np.array_equal(infos[i]["terminal_observation"], last)
-                assert infos[i]["best"] == info["best"]
-                assert infos[i]["TimeLimit.truncated"]
-                assert infos[i]["episode"]["l"] == 2
-                last, _ = single.reset()
-            assert np.array_equal(seen[i], last)
-    model = PPO("MlpPolicy", env, n_steps=2, batch_size=4, n_epochs=1, device="cpu", seed=0)
-    model.learn(4)
-    env.close()
-
-
 def test_wrappers_callbacks_and_an_algorithm_work_around_it(tmp_path):
     """A short PPO with every usual wrapper; the monitor's returns are the environment's."""
     env = VecNormalize(VecMonitor(VecCheckNan(SteerVecEnv(WEAVE, 4, control_dt=0.1), raise_exception=True)))

@@ -116,15 +116,6 @@ def test_a_specification_of_an_environment_without_make_is_none():
     assert env.spec.kwargs == {"friction": "dahl"}
 
 
-def test_all_forms_of_a_law_are_one_law():
-    expected = friction.make("masing", F_c=1.2, elements=20)
-    for form in ("masing,F_c=1.2,elements=20", {"law": "masing", "F_c": 1.2, "elements": 20}, expected):
-        found = friction.resolve(form)
-        assert type(found) is type(expected)
-        assert all(np.array_equal(a, b) for a, b in zip(found, expected, strict=True))
-    assert friction.resolve(friction.as_mapping(expected)).k.tobytes() == expected.k.tobytes()
-
-
 def test_a_mapping_as_json_holds_every_law_and_driver_to_the_bit():
     for package in (friction, drivers):
         for name in package.available():

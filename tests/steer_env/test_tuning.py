@@ -14,7 +14,7 @@ from steer_env.tuning import env as tuning_env
 from steer_env.tuning.scenarios.common.definition import SCENARIOS
 from steer_env.vehicle import cars
 from steer_env.vehicle.steering import eps
-from steer_env.vehicle.steering.margins import Margins, boost_gain, margins, worst_margins
+from steer_env.vehicle.steering.margins import Margins
 from tests.steer_env.test_infos import structure
 
 IDS = tuple(TUNED)
@@ -119,28 +119,6 @@ def test_boost_at_standstill_leaves_100_kph_alone(tried):
     assert light["handwheel_torque_peak"] < own["handwheel_torque_peak"]
     # The row of the table for 100 km/h is 2e-5 m/s faster: a share of 4e-6 of the row for 80 km/h is read too.
     assert light["torque_at_0p1g"] == pytest.approx(own["torque_at_0p1g"], rel=1e-6)
-
-
-@pytest.mark.parametrize("speed", [0.0, 10.0, 100.0 / 3.6])
-def test_worst_margins_are_those_of_every_slope(speed):
-    car = cars.load()
-    c, a = car.column, car.assist
-    slopes = {round(boost_gain(a, t, speed), 6) for t in 0.5 * (a.torques[1:] + a.torques[:-1])}
-    each = [margins(c, a, slope, speed) for slope in slopes if slope > 0.0]
-    worst = worst_margins(c, a, speed)
-    assert worst.phase == pytest.approx(min(m.phase for m in each), rel=1e-3)
-    assert worst.gain == pytest.approx(min(m.gain for m in each), rel=1e-3)
-    assert worst.stable
-    stiff = a._replace(boost=1.05 * worst.gain * a.boost)
-    assert not worst_margins(c, stiff, speed).stable
-    none = worst_margins(c, a._replace(boost=0.0 * a.boost), speed)
-    assert none.phase == none.gain == math.inf
-    assert none.stable
-
-
-def test_lead_corners_are_those_given():
-    a = eps.make(lead_zero=12.0, lead_pole=310.0)
-    assert eps.lead_corners(a) == pytest.approx((12.0, 310.0), rel=1e-12)
 
 
 @pytest.mark.parametrize("name", IDS)

@@ -35,10 +35,18 @@ def make(name, n=ROWS, **arguments):
         return gym.make_vec(name, num_envs=n, **arguments)
 
 
-@pytest.mark.parametrize(("name", "law"), list(zip(IDS, cycle(["lugre", "masing"]))))
-def test_equal_to_single_environments_to_the_bit(name, law):
+# A law of the whole column, one with a memory of its own elements, and laws at three sites with a worm gear among them.
+AT_SITES = {"upper_column": "coulomb", "lower_column": "masing", "gear": "coulomb,F_c=0.3,efficiency=0.88"}
+DRAWN = (
+    ("lugre", {"F_c": (0.5, 1.5)}),
+    ("masing", {"F_c": (0.5, 1.5), "x_c": (0.001, 0.002)}),
+    (AT_SITES, {"upper_column.F_c": (0.05, 0.2), "lower_column.F_c": (0.5, 1.0)}),
+)
+
+
+@pytest.mark.parametrize(("name", "law", "friction"), [(name, *law) for name, law in zip(IDS, cycle(DRAWN))])
+def test_equal_to_single_environments_to_the_bit(name, law, friction):
     """With resets at different times and everything drawn that can be drawn; two threads against one."""
-    friction = RANDOM["friction"] if law == "lugre" else {"F_c": (0.5, 1.5), "x_c": (0.001, 0.002)}
     arguments = {"friction": law, "randomise": {**RANDOM, "friction": friction}, "control_dt": 0.02}
     vector, single = make(name, threads=2, **arguments), [gym.make(name, **arguments) for _ in range(ROWS)]
     observations, infos = vector.reset(seed=7)
@@ -190,28 +198,6 @@ def test_rows_of_every_block_are_those_of_single_environments(threads):
         env = gym.make(COURSE)
         expected = [env.reset(seed=i)[0], *(env.step(action[i])[0] for action in actions)]
         assert np.array_equal([each[i] for each in seen], expected)
-
-
-@pytest.mark.parametrize("threads", [1, 2])
-def test_rows_that_begin_anew_have_their_bits_beside_others(threads):
-    """Robots and released handwheels in one batch, which do not go side by side, in groups that change with resets."""
-    n, name, arguments = 7, "steer_env/AssistRelease-v4", {"randomise": RANDOM, "control_dt": 0.05}
-    vector = make(name, n=n, threads=threads, autoreset_mode=AutoresetMode.DISABLED, **arguments)
-    single, rng = [gym.make(name, **arguments) for _ in range(n)], np.random.default_rng(0)
-    observations, _ = vector.reset(seed=0)
-    for i, env in enumerate(single):
-        assert np.array_equal(env.reset(seed=i)[0], observations[i])
-    for k in range(95):
-        begun = k // 15 if k % 15 == 5 else n
-        if begun < n:
-            observations, _ = vector.reset(options={"reset_mask": np.arange(n) == begun})
-            assert np.array_equal(single[begun].reset()[0], observations[begun])
-        actions = rng.uniform(-0.4, 0.4, (n, 1)).astype(np.float32)
-        observations, rewards, *_ = vector.step(actions)
-        for i, env in enumerate(single):
-            observation, reward, *_ = env.step(actions[i])
-            assert np.array_equal(observation, observations[i])
-            assert reward == rewards[i]
 
 
 def test_steps_keep_no_memory():
