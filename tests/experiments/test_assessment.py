@@ -101,12 +101,6 @@ def test_bad_targets_are_refused(text, message, tmp_path):
         targets.load(str(path))
 
 
-def test_a_recording_lies_within_its_own_tolerances(weaves):
-    for pair in simulation_vs_measurement.compare(weaves["lugre"], weaves["lugre"]):
-        assert pair.inside == 1.0
-        assert pair.worst == pytest.approx(0.0, abs=1e-12)
-
-
 def test_a_torque_beyond_its_tolerance_leaves_the_boundaries(weaves):
     """A torque 1.5 times as large leaves its 10 % + 0.15 N m; the acceleration over the angle stays."""
     clean = weaves["lugre"]

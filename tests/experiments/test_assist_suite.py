@@ -3,7 +3,6 @@
 import json
 import math
 from functools import partial
-from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
@@ -257,22 +256,6 @@ def test_an_own_car_takes_the_place_of_all_others():
     assert others
 
 
-@pytest.mark.whole
-def test_the_suite_of_an_own_car_is_made_again_by_its_trace(tmp_path, capsys, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    whole = assist_drives.suite
-    monkeypatch.setattr(assist_suite, "suite", lambda *given: [d for d in whole(*given) if d.kind == "lane change"])
-    command = ["policy", "suite", "boost", "damping", "--env", WEAVE, "--set", "column.K_tb=143", "--out", "suite.json"]
-    assert main(command) == 0
-    found = json.loads(Path("suite.json").read_text(encoding="utf-8"))
-    assert found["trace"]["car"]["column"]["K_tb"] == 143.0
-    assert main(["rerun", "suite.json"]) == 0
-    assert "suite.json: equal to the bit" in capsys.readouterr().out
-    found["controllers"]["damping"]["results"][0]["worst"] *= 1.0 + 1e-15
-    Path("suite.json").write_text(json.dumps(found), encoding="utf-8")
-    assert main(["rerun", "suite.json"]) == 1
-
-
 def test_the_command(tmp_path, capsys, monkeypatch):
     change = drive("lane change")
     monkeypatch.setattr(assist_suite, "suite", lambda home, car: [change])
@@ -280,6 +263,7 @@ def test_the_command(tmp_path, capsys, monkeypatch):
     assert main(["policy", "suite", "boost", "damping", "--env", WEAVE, "--out", str(out)]) == 0
     text = capsys.readouterr().out
     assert "holds in 6 of 6 conditions" in text
+    assert main(["rerun", str(out)]) == 0
     found = json.loads(out.read_text())["controllers"]
     assert found["boost"]["holds"]
     assert found["boost"]["results"][0]["worst"] == pytest.approx(1.0)

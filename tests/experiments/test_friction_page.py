@@ -51,12 +51,6 @@ def every():
     return cases.cases({name: friction.make(name) for name in LAWS}, {"dahl": friction.make("dahl")})
 
 
-def test_every_case_has_its_base_among_the_cases(every):
-    labels = [case.label for case in every]
-    assert len(set(labels)) == len(labels)
-    assert {case.base for case in every} <= set(labels)
-
-
 def test_a_split_keeps_the_whole_friction(every):
     x = np.radians(5.0) * np.sin(np.linspace(0.0, 12.0, 2001))
     whole = friction.response("lugre", x, 1e-2)

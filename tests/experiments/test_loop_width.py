@@ -26,12 +26,6 @@ def test_levels_change_torques_and_no_displacement():
     assert (masing.k * masing.y).sum() == pytest.approx(2 * defaults.F_C)
 
 
-@pytest.mark.whole
-def test_without_friction_the_rest_is_the_whole(curves):
-    for curve in curves.values():
-        assert curve[0].friction == pytest.approx(0.0, abs=1e-4)
-
-
 def test_lag_and_damping_over_acceleration_do_not_depend_on_friction(curves):
     """Within 5 %: the car moves nearly the same. So the split is of causes, and not of one number at will.
 

@@ -1,14 +1,10 @@
 """Parameter sets of tuning environments as a sweep."""
 
-from functools import partial
-from itertools import chain
-
 import gymnasium as gym
 import numpy as np
 import pytest
 
 from steer_env.experiments.learning import parameter_sets
-from steer_env.experiments.sweep import Where, run
 from tests.steer_env.test_state import equal
 
 ENV = "steer_env/TuneOnCentre-v3"
@@ -34,15 +30,6 @@ def test_are_those_of_the_environment():
             assert np.array_equal(reward, result.reward)
             assert equal(info["evaluated"], result.info["evaluated"])
             assert env.refused == result.refused
-
-
-@pytest.mark.whole
-def test_are_equal_to_the_bit_in_processes():
-    _, here = evaluated()
-    _, there = evaluated(sweep=partial(run, where=Where(workers=2)))
-    for one, other in zip(chain(*here), chain(*there), strict=True):
-        assert np.array_equal(one.reward, other.reward)
-        assert equal(one.info, other.info)
 
 
 def test_bad_input():

@@ -132,15 +132,6 @@ def test_a_large_population_has_few_cases():
     assert {len(case.rows) for case in cases[:-1]} == {79}
 
 
-@pytest.mark.whole
-def test_workers_give_the_same_to_the_bit():
-    one, two = (
-        steer_env.population("compact", population.BLOCK + 2, RANGES, ("weave", "double-lane-change"), workers=workers)
-        for workers in (1, 2)
-    )
-    assert repr(one) == repr(two)
-
-
 def test_shares_and_intervals_are_those_of_closed_forms():
     """Clopper and Pearson's ends are powers of 0.025 where no car fails, or all do."""
     assert production.Share(20, 20).interval == pytest.approx((0.025 ** (1 / 20), 1.0))

@@ -8,15 +8,12 @@ from xml.etree import ElementTree
 
 import pytest
 
-from steer_env import friction, manoeuvres, metrics
+from steer_env import friction
 from steer_env.experiments import sweep
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.pages import traces
 from steer_env.experiments.reports import report, report_findings
 from steer_env.experiments.reports.report_results import Scope
-from steer_env.experiments.studies.common import friction_cases
-from steer_env.experiments.studies.common.assist_margins import assist_cells
-from steer_env.recording import files
 from steer_env.vehicle import cars
 from tests.experiments.faked_times import NONE, faked
 
@@ -94,57 +91,6 @@ def test_both_terms_have_all_laws_and_their_numbers_are_those_of_the_json(made):
     assert (fitted.sigma_1, fitted.sigma_2, fitted.F_s) == (0.0, 0.0, fitted.F_c)
 
 
-def on_terms(made):
-    """Each term, its differences in the JSON, and its laws."""
-    numbers = json.loads((made[0] / "metrics.json").read_text(encoding="utf-8"))
-    held = (numbers["differences"], numbers["fitted"]["differences"])
-    yield from zip(report_findings.terms(made[1]), held, (made[1].laws, made[1].fitted.laws), strict=True)
-
-
-def key_of(row):
-    return row.metric if row.test == "weave" else f"{row.test.replace('-', '_')}.{row.metric}"
-
-
-def test_the_largest_differences_are_those_of_the_json(made):
-    for term, held, _ in on_terms(made):
-        rows = held["laws"]["masing"]
-        largest = max((key for key, row in rows.items() if row["real"]), key=lambda key: abs(rows[key]["share"]))
-        assert key_of(term.laws["masing"].largest) == largest
-        assert not any(row["perception"] == "perceptible" for row in rows.values())
-
-
-def test_a_comparison_of_files_has_the_largest_differences_of_the_report(made, tmp_path):
-    for term, held, laws in on_terms(made):
-        largest = term.laws["masing"].largest
-        for law in (term.base, "masing"):
-            driven = manoeuvres.drive(made[1].car, made[1].manoeuvres[largest.test], laws[law])
-            files.write(driven, tmp_path / f"{law}.csv")
-        paths = [str(tmp_path / f"{law}.csv") for law in (term.base, "masing")]
-        assert main(["evaluate", "--compare", *paths, "--out", str(tmp_path / "compared")]) == 0
-        compared = json.loads((tmp_path / "compared" / "evaluation.json").read_text(encoding="utf-8"))
-        share = compared["differences"]["masing"][largest.metric]["share"]
-        assert share == pytest.approx(held["laws"]["masing"][key_of(largest)]["share"], rel=1e-6)
-
-
-def test_the_friction_study_has_the_differences_of_the_report(made):
-    """The largest of the tests that both drive alike: the weave is shorter in this file's report."""
-    factors = friction_cases.LAW, friction_cases.MEASURED
-    for (term, held, _), factor in zip(on_terms(made), factors, strict=True):
-        largest = next(row for row in term.differences.rows if row.test != "weave" and row.found.real)
-        cases = friction_cases.cases(made[1].laws, made[1].fitted.laws)
-        own = [case for case in cases if case.factor == factor and case.level in (term.base, "masing")]
-        driven = [friction_cases.drives((made[1].car, case, (largest.test,))) for case in own]
-        shares = {row.metric: row.found.share for row in friction_cases.effects(own, driven)}
-        assert shares[largest.metric] == pytest.approx(held["laws"]["masing"][key_of(largest)]["share"], rel=1e-9)
-
-
-def test_the_margins_are_those_of_the_assist_loop(made):
-    numbers = json.loads((made[0] / "metrics.json").read_text(encoding="utf-8"))
-    own = [(cell.phase_deg, cell.gain_db) for cell in assist_cells(made[1].car, 0.0)]
-    assert [(cell["phase_deg"], cell["gain_db"]) for cell in numbers["margins"]["parking"]] == own
-    assert list(numbers["margins"]) == ["parking"]
-
-
 def test_a_full_page_is_interactive(made, source):
     page = Page(report.page_of(made[1], source, report.Look(full=True)).html())
     assert sum("plotly-graph-div" in (attrs.get("class") or "") for _, attrs in page.tags) == len(TESTS)
@@ -209,24 +155,6 @@ def test_the_report_of_an_own_car(tmp_path, monkeypatch):
     assert seen["beside"] is None
     assert (seen["trace"]["command"], seen["trace"]["result"]) == (command, "mine")
     assert cars.load(seen["trace"]["car"]).column.K_tb == 143.0
-
-
-def test_metrics_json(made):
-    data = json.loads((made[0] / "metrics.json").read_text(encoding="utf-8"))
-    parts = {"metrics", "differences", "fitted", "real_time", "held_torque", "margins", "vehicle"}
-    assert set(data) == {*parts, "provenance", "trace"}
-    assert set(data["differences"]["laws"]) == {"masing"}
-    assert data["differences"]["noticed_share"] == 0.15
-    assert set(data["vehicle"]) == {"weave_peaks", "parking"}
-    prefixes = {"weave": "", "slow-ramp": "slow_ramp.", "step-steer": "step_steer.", "hold": "hold."}
-    names = {prefix + name for test, prefix in prefixes.items() for name in metrics.available(test)}
-    for law in LAWS:
-        assert set(data["metrics"][law]) == names
-        for entry in data["metrics"][law].values():
-            assert set(entry) == {"value", "ci", "unit"}
-            low, high = entry["ci"]
-            assert low is high is None or low <= entry["value"] <= high
-        assert data["provenance"]["laws"][law]["parameters"]
 
 
 def test_what_is_told_of_the_held_torque_follows_from_its_numbers(made):

@@ -16,7 +16,6 @@ from steer_env import friction, manoeuvres, metrics, targets
 from steer_env.experiments.calibration import feasibility, problem, search, storage
 from steer_env.experiments.calibration.search import WorkerOf
 from steer_env.experiments.cli.main import main, parsed
-from steer_env.experiments.sweep import Where, run
 from steer_env.targets import Band
 from steer_env.vehicle import cars
 from tests.experiments.quick_search import RANGES, job
@@ -140,15 +139,6 @@ def test_processes_share_a_study_and_lose_no_set_of_a_killed_one(tmp_path):
     assert len(done) == shared == budget
     assert not [t for t in trials if t.state is RUNNING]
     assert [t.params for t in done if "again" in t.user_attrs] == [lost]
-
-
-@pytest.mark.whole
-def test_workers_of_a_sweep_share_a_study(tmp_path):
-    one = job(tmp_path, 10, 0.2)
-    counts = run(search.work, [WorkerOf(one, i) for i in range(2)], where=Where(workers=2))
-    assert sum(counts) == 10
-    assert min(counts) > 0
-    assert len(search.finished(study_of(one))) == 10
 
 
 def test_torn_journal(tmp_path):

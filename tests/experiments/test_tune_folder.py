@@ -29,7 +29,6 @@ from steer_env.experiments.calibration.pace import Pace
 from steer_env.experiments.calibration.problem import Evaluation
 from steer_env.experiments.cli import tune
 from steer_env.experiments.cli.main import main, parsed
-from steer_env.experiments.pages import tuning_pictures
 from steer_env.vehicle import cars
 from steer_env.vehicle.steering.margins import Margins
 
@@ -310,14 +309,6 @@ def test_nothing_is_left_behind_where_there_is_nothing_to_resume(tmp_path, posed
     assert not (tmp_path / "nothere").exists()
 
 
-def test_a_folder_with_other_files_is_refused_in_true_words(tmp_path, capfd):
-    (tmp_path / "thesis.txt").write_text("mine")
-    assert main(["tune", "--out", str(tmp_path)]) == 2
-    told = capfd.readouterr().err
-    assert "holds other files (thesis.txt): give a new directory, or one with the output of an earlier run" in told
-    assert "replaced" not in told
-
-
 @pytest.mark.whole
 @pytest.mark.parametrize(
     ("key", "own"),
@@ -426,14 +417,3 @@ def test_a_database_in_the_folder_and_modules_of_ones_own(tmp_path):
         tune.run(parsed([*words, "--resume"]))
     told = tune._words(parsed(words), cars.load(), "best.toml", "after")
     assert told[1:5] == ["--import", "json", "--friction", "lugre@column_eps"]
-
-
-def test_front_shows_or_counts_every_set():
-    values = np.array([[0.5, 1.0], [3.0, 0.2], [30.0, 0.4], [1.0, 9.0]])
-    ends = tuning_page.ends(values, [(3.0, 0.2), (1.0, 2.5)])
-    assert ends[0] > 3.0
-    assert ends[1] > 2.5
-    assert tuning_page.outside(values, ends) == 2
-    drawn = tuning_pictures.front({"TPE": values}, values[:2], {"best": (3.0, 0.2)}, ["return", "effort"], ends)
-    shown = tuning_pictures.front({"TPE": values[:2]}, values[:2], {"best": (3.0, 0.2)}, ["return", "effort"], ends)
-    assert len(re.findall("<use", drawn)) == len(re.findall("<use", shown))  # those outside are not put on the edge

@@ -8,7 +8,7 @@ from steer_env.experiments.explore import packing, parameters
 from steer_env.friction import gear
 from steer_env.friction.numerics.packing import numbers
 from steer_env.vehicle import cars, chassis
-from tests.experiments.explore.cases import EACH, QUICK
+from tests.experiments.explore.cases import QUICK
 
 FEW = [*QUICK, ("stribeck", "single_track")]  # whose torque falls with the speed
 
@@ -68,24 +68,6 @@ def test_the_limits_of_a_field_are_those_of_python(law, body):
                 key = q.refusal.partition(" must be")[0].split()[-1]
                 with pytest.raises(ValueError, match=f"{key} must be"):
                     parameters.plant(car, law, body, {q.name: limit + beyond * max(1e-6 * abs(limit), 1e-6)})
-
-
-@pytest.mark.parametrize(("law", "body"), EACH)
-def test_packed_numbers_follow_the_parameters(law, body):
-    """The polynomials against plants that they were not made of."""
-    car = cars.load("compact")
-    fields = parameters.every(car, law, body)
-
-    def numbers_of(values):
-        return numbers(parameters.plant(car, law, body, values))
-
-    found = packing.dependences(fields, numbers_of)
-    base, rng = numbers_of({}), np.random.default_rng(5)
-    for _ in range(5):
-        values = {q.name: q.low + rng.random() * (q.high - q.low) for q in fields}
-        np.testing.assert_allclose(
-            packing.numbers(base, found, fields, values), numbers_of(values), rtol=1e-12, atol=1e-15
-        )
 
 
 def test_a_number_that_no_polynomial_follows_is_refused():
