@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from steer_env.experiments.cli.main import main
-from steer_env.experiments.reports import car_page, car_simulated, car_suspension
+from steer_env.experiments.reports import car_page, car_quantities, car_simulated, car_suspension
 from steer_env.experiments.reports.car_quantities import PUBLISHED, Quantity
 from steer_env.recording.recording import DEGREE
 from steer_env.vehicle import cars
@@ -41,6 +41,15 @@ def page(tmp_path_factory):
         patch.chdir(folder)
         assert main(["car", "soft.toml", "--page"]) == 0
     return folder / "car_soft"
+
+
+@pytest.mark.whole
+def test_every_range_has_its_quantity_and_what_is_published_its_source(page):
+    quantities = json.loads((page / "car.json").read_text(encoding="utf-8"))["quantities"]
+    assert set(car_quantities.ranges()) <= set(quantities)
+    for name, q in quantities.items():
+        assert q["value"] is not None or q["note"], name
+        assert q["source"] or q["basis"] != PUBLISHED, name
 
 
 def test_an_implausible_number_is_marked(page):

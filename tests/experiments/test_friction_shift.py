@@ -1,5 +1,7 @@
 """The benchmark of friction shift: losses by hand, a training of some steps, what is kept and what is refused."""
 
+import json
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -120,6 +122,14 @@ def test_what_is_finished_is_taken_and_other_settings_are_refused(small, tmp_pat
     monkeypatch.setattr(friction_shift, "CANDIDATES", {"small": small._replace(steps=65)})
     with pytest.raises(ValueError, match=r"small\.one-law\.0\.json was made with other settings \(case\)"):
         friction_shift.collect(tmp_path, ["small"], ["one-law"], 1, laws, 2)
+
+
+def test_the_file_holds_the_losses(small, tmp_path):
+    laws = ("lugre", "viscous")
+    made = {name: [{law: of[law] for law in laws} for of in seeds] for name, seeds in FOUND.items()}
+    friction_shift.write(tmp_path, Shift({"small": rows(CASE, made)}, laws, 2, 0), {})
+    data = json.loads((tmp_path / "friction_shift.json").read_text())
+    assert data["cases"]["small"]["entries"][1]["loss"]["lugre"]["value"] == pytest.approx(0.15)
 
 
 def test_a_directory_with_files_needs_resume(tmp_path, capsys):

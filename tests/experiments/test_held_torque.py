@@ -42,3 +42,9 @@ def test_a_law_with_its_own_damper_is_the_one_of_the_comparison(results):
     for calibration in friction_laws.CALIBRATIONS:
         expected = bare[calibration.title].ripple
         assert own[calibration.title].ripple == pytest.approx(expected, rel=0.02, abs=2e-5)
+
+
+def test_the_file_holds_every_number(results):
+    _, data = held_torque.build(results, "compact")
+    assert len(data["tests"]) == 24
+    assert {row["law"] for row in data["laws"]} == {"masing", "dahl"}

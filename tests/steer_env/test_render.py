@@ -5,7 +5,6 @@ import math
 import subprocess
 import sys
 import time
-from importlib.util import find_spec
 
 import gymnasium as gym
 import numpy as np
@@ -176,20 +175,6 @@ def test_pictures_at_their_rate_make_a_video_in_real_time(control_dt):
     acted(env, second)
     env.reset(seed=0)
     assert len(env.render()) == 1  # an episode begins its own list
-
-
-def test_gymnasiums_own_wrappers_collect_and_record(tmp_path):
-    env = gym.make("steer_env/AssistWeave-v3", render_mode="rgb_array_list", control_dt=0.02)
-    recorded = gym.wrappers.RecordVideo(env, str(tmp_path)) if find_spec("moviepy") else None
-    collected = gym.wrappers.RenderCollection(gym.make("steer_env/AssistWeave-v3", render_mode="rgb_array"))
-    collected.reset(seed=0)
-    acted(collected, 5)
-    assert len(collected.render()) == 6  # each step
-    if recorded is not None:
-        recorded.reset(seed=0)
-        acted(recorded, 20)
-        recorded.close()
-        assert recorded.frames_per_sec == 25.0
 
 
 @pytest.mark.parametrize("mode", list(AutoresetMode))

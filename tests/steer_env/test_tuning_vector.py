@@ -66,6 +66,17 @@ def test_worker_processes_give_the_same_also_after_one_is_killed():
     assert not pool._processes
 
 
+def test_sub_environments_that_draw_nothing_share_one_context():
+    vector = gym.make_vec(ALL_ROUND, 3, workers=1, detuning=0.0)
+    vector.reset(seed=0)
+    assert len({id(each) for each in vector._contexts}) == 1
+    assert len(vector._workers._kept) == 1
+    *_, info = vector.step(np.zeros(vector.action_space.shape, np.float32))
+    assert len(set(info["margins"]["phase_deg"].tolist())) == 1
+    assert np.array_equal(vector.envs[1].best_action, np.zeros(7, np.float32))
+    assert vector.envs[2].tuned_car(vector.envs[2].best_action).name == "compact_tuned"
+
+
 def test_number_of_sets_is_an_argument():
     env = gym.make(ON_CENTRE, sets=None).unwrapped
     env.reset(seed=0)
