@@ -222,7 +222,7 @@ ERRORS = (
         "vehicle/analysis/linear.py",
         "front, rear = force * b - moment, force * a + moment",
         "front, rear = force * b - moment, force * a - moment",
-        "tests/vehicle/test_linear.py tests/vehicle",
+        "tests/vehicle/test_understeer.py tests/vehicle",
     ),
     Planted(
         "a pressure without a unit is a force over a length",
