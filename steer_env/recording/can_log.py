@@ -1,18 +1,28 @@
-"""Raw CAN logs as recordings, with the packages python-can and cantools: frames decoded by a DBC.
+"""Raw CAN logs as recordings, with the packages python-can and cantools: frames decoded by a database.
 
-python-can reads .blf, .asc, .log (candump), .trc and its own .csv, the three in the middle also compressed by gzip;
-cantools decodes the frames. A column is a signal, ``MESSAGE.SIGNAL``, or the sum of signals of one message,
-``MESSAGE.COARSE + MESSAGE.FINE``, in which some sensors split their reading.
+python-can reads .blf, .asc, .log (candump), .trc and its own .csv, the three in the middle also compressed by gzip; the
+raw frames of an .mf4 come from asammdf. :mod:`steer_env.recording.can_database` has the signals. A column is a signal,
+``MESSAGE.SIGNAL``, the sum of signals of one message, ``MESSAGE.COARSE + MESSAGE.FINE``, in which some sensors split
+their reading, or a magnitude with its sign, ``MESSAGE.SIZE signed by MESSAGE.SIGN``, negative where that is 1.
 
 Time begins at the first frame of the log. The messages of a log come at rates of their own and with jitter. The
 recording has one uniform time base: the mean rate of the message with the most frames among those that are wanted,
 within the time that all of them cover. Each value is interpolated linearly between the last frame before the instant
-and the first one after it, and uses no others; where these are more than ``LONGEST_STEP`` periods apart, it is a gap.
-The meta ``can`` tells this with the frames, the rate, the longest step and the gaps of every message, and how many
-frames its counter misses.
+and the first one after it, and uses no others; where these are more than ``LONGEST_STEP`` periods apart, or one of them
+holds a code that is no value, it is a gap. The meta ``can`` tells this with the frames, the rate, the longest step, the
+gaps and the codes of every message, and how many frames its counter misses; its ``notes`` are sentences for the user.
+
+Frames of one message with one time stamp: where these are more than ``BATCHED`` of a message, the logger stamps in
+batches, and the frames are spread over the time before the stamp, see ``_spread``; of others the last is kept. Both are
+told.
+
+A message of J1939 that does not occur under its own identifier is taken from the one source address from which its
+parameter group comes.
 """
 
 import gzip
+import re
+from array import array
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from contextlib import closing
@@ -22,16 +32,23 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from steer_env.friction.numerics.check import number
-from steer_env.recording.channel_mapping import did_you_mean
+from steer_env.recording import can_database, own_process
+from steer_env.recording.can_database import Message, group_of, identifier, selected
+from steer_env.recording.channel_mapping import SIGNED, did_you_mean
 from steer_env.recording.table import Column, Table, Values
 
 SUFFIXES = (".blf", ".asc", ".log", ".trc", ".asc.gz", ".log.gz", ".trc.gz")
 CSV_HEADER = "timestamp,arbitration_id,"  # of a log that python-can wrote as .csv
-LARGEST = 1e30  # number of a database [unit of its signal]
 LONGEST_STEP = 3.0  # between two frames without a gap, in median periods of the message [1]
+BATCHED = 0.1  # share of a message's frames with the stamp of another from which on stamps are of batches; assumed [1]
 COUNTERS = ("counter", "alive", "rolling")  # parts of the names of signals that count the frames
+MDF = (".mf4", ".mdf")
+FRAMES = "CAN_DataFrame"  # channel of an MDF file with raw frames
+RELATIVE = re.compile(r"\s*base\s+\w+\s+timestamps\s+relative", re.IGNORECASE)
+STAMP = re.compile(r"\s*(\d+\.\d+)\s")
 METHOD = "linear interpolation between the frames before and after each instant, at a uniform rate"
+
+Frame = tuple[float, int, bool, Any, bytes]  # time stamp [s], identifier, whether it has 29 bits, bus, data
 
 
 class Options(NamedTuple):
@@ -46,7 +63,46 @@ class Frames(NamedTuple):
     """The frames of one message."""
 
     time: np.ndarray  # (F,), strictly ascending [s]
-    values: dict[str, np.ndarray]  # physical values (F,) of each signal in its unit; NaN where it is not multiplexed in
+    values: dict[str, np.ndarray]  # values (F,) of each signal in its unit; NaN where there is none
+
+
+class Wanted(NamedTuple):
+    """A column that is to be read."""
+
+    label: str
+    parts: list[can_database.Column]  # summands of one message
+    sign: can_database.Column | None  # of the same message; the values are negative where it is 1
+
+
+class Raw:
+    """Frames of one identifier as they come."""
+
+    def __init__(self, width: int) -> None:
+        self.width = width  # bytes that are kept of each frame
+        self.time = array("d")  # [s]
+        self.size = array("B")  # bytes of the frame
+        self.data = bytearray()
+        self.buses: set[str] = set()
+
+    def take(self, time: float, bus: str, data: bytes) -> None:
+        """Add a frame."""
+        self.time.append(time)
+        self.size.append(len(data))
+        self.data += data[: self.width].ljust(self.width, b"\0")
+        self.buses.add(bus)
+
+    def arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The time (F,), the bytes (F, B) and the sizes (F,)."""
+        data = np.frombuffer(self.data, dtype=np.uint8).reshape(len(self.time), self.width)
+        return np.array(self.time), data, np.array(self.size)
+
+
+class Log(NamedTuple):
+    """The frames of a log that are wanted."""
+
+    start: float  # time stamp of the first frame [s]
+    frames: dict[tuple[int, bool], Raw]  # by identifier, and whether it has 29 bits
+    seen: Counter[tuple[int, bool]]  # how often each occurs
 
 
 def recognised(path: str | PathLike[str]) -> bool:
@@ -61,48 +117,54 @@ def recognised(path: str | PathLike[str]) -> bool:
 
 
 def open_table(path: str | PathLike[str], options: Options, sources: Sequence[str] = ()) -> Table:
-    """Read the databases; every signal is a column, and so is each of ``sources`` that is a sum of signals.
+    """Read the databases; every signal is a column, and so is each of ``sources`` that is a sum or has a sign.
 
     Raises
     ------
     ValueError
-        Without the packages or a database, or if a database or a sum cannot be read.
+        Without the packages or a database, or if a database or a source cannot be read.
     """
-    messages = _messages(options.dbc)
-    parts = [[(message, signal)] for message in messages for signal in message.signals]
-    occurrences = Counter(signal.name for _, signal in (pair for (pair,) in parts))
-    columns = []
-    for ((message, signal),) in parts:
-        label = f"{message.name}.{signal.name}"
-        name = signal.name if occurrences[signal.name] == 1 else label
-        columns.append(Column(label, name, signal.unit or None))
-    for source in dict.fromkeys(source for source in sources if "+" in source):
-        places = [_place(columns, part.strip(), source) for part in source.split("+")]
-        summands = [parts[place][0] for place in places]
-        if len({message.name for message, _ in summands}) > 1 or len({signal.unit for _, signal in summands}) > 1:
-            raise ValueError(f"{source!r} is no sum: its signals must be of one message and in one unit")
-        columns.append(Column(source, source, columns[places[0]].unit))
-        parts.append(summands)
+    signals, left = _signals(options)
+    named = Counter(entry.signal.name for entry in signals)
+    columns, wanted = [], []
+    for entry in signals:
+        name = entry.label if entry.apart or named[entry.signal.name] > 1 else entry.signal.name
+        sign = entry.sign and f"{entry.message.label}.{entry.sign}"
+        columns.append(Column(entry.label, name, entry.signal.unit or None, sign))
+        wanted.append(Wanted(entry.label, [entry], None))
+    for source in dict.fromkeys(sources):
+        sizes, _, sign = source.partition(SIGNED)
+        names = [part.strip() for part in (*sizes.split("+"), *([sign] if sign else ()))]
+        places = [_place(columns[: len(signals)], signals, left, name, source) for name in names]
+        parts = [signals[place] for place in places if place is not None]
+        if len(names) == 1:
+            continue
+        summands = parts[:-1] if sign else parts
+        if len({entry.message for entry in parts}) > 1 or len({entry.signal.unit for entry in summands}) > 1:
+            raise ValueError(f"{source!r} cannot be formed: its signals must be of one message and in one unit")
+        columns.append(Column(source, source, summands[0].signal.unit or None))
+        wanted.append(Wanted(source, summands, parts[-1] if sign else None))
     meta: dict[str, Any] = {}
+    known = {entry.message.key for entry in signals}
 
     def load(places: Sequence[int]) -> list[Values]:
-        return _load(path, options, [parts[place] for place in places], meta)
+        return _load(path, options, [wanted[place] for place in places], known, meta)
 
     return Table(columns, meta, False, load)
 
 
 def decoded(path: str | PathLike[str], options: Options) -> dict[str, Frames]:
     """The frames of every message of the databases that occurs, at their own instants; errors as for ``open_table``."""
-    return _read(path, options, _messages(options.dbc))[1]
-
-
-def _packages() -> tuple[Any, Any]:
-    try:
-        import can  # here, because they are an extra
-        import cantools
-    except ImportError:
-        raise ValueError("CAN logs need the packages python-can and cantools: pip install '.[can]'") from None
-    return can, cantools
+    signals, _ = _signals(options)
+    log = _read(path, options, signals)
+    found: dict[str, Frames] = {}
+    for entry in signals:
+        if raw := log.frames.get(entry.message.key):
+            time, data, size = raw.arrays()
+            last = np.append(np.diff(time) > 0, True)
+            frames = found.setdefault(entry.message.label, Frames(time[last] - log.start, {}))
+            frames.values[entry.signal.name] = entry.read(data, size)[1][last]
+    return found
 
 
 def paths_of(dbc: str | PathLike[str] | Sequence[str | PathLike[str]]) -> Sequence[str | PathLike[str]]:
@@ -110,182 +172,289 @@ def paths_of(dbc: str | PathLike[str] | Sequence[str | PathLike[str]]) -> Sequen
     return (dbc,) if isinstance(dbc, str | PathLike) else dbc
 
 
-def _messages(paths: str | PathLike[str] | Sequence[str | PathLike[str]]) -> list[Any]:
-    """The messages of all databases."""
-    _, cantools = _packages()
-    paths = paths_of(paths)
+def _signals(options: Options) -> tuple[list[can_database.Column], dict[str, str]]:
+    """The signals of the databases, and what could not be read of them with the reason."""
+    paths = paths_of(options.dbc)
     if not paths:
         raise ValueError("a CAN log holds raw frames: give the DBC that says what is in them, --dbc car.dbc")
-    found: dict[tuple[int, bool], Any] = {}
-    for path in paths:
-        try:
-            database = cantools.database.load_file(path, strict=False)
-        except OSError:
-            raise
-        except Exception as error:  # cantools raises those of its parsers
-            text = " ".join(str(error).split())
-            raise ValueError(f"{path} cannot be read as a CAN database: {text}") from None
-        for message in getattr(database, "messages", []):
-            _check_numbers(path, message)
-            found[message.frame_id, message.is_extended_frame] = message
-    if not found:
-        raise ValueError(f"{', '.join(map(str, paths))}: no message in it")
-    return list(found.values())
+    return can_database.load(paths)
 
 
-def _check_numbers(path: Any, message: Any) -> None:
-    """ValueError for a number of a signal that the readings cannot be scaled with."""
-    for signal in message.signals:
-        for key in ("scale", "offset", "minimum", "maximum"):
-            if (value := getattr(signal, key)) is not None:
-                number(f"{path}: {key} of {message.name}.{signal.name}", value, minimum=-LARGEST, maximum=LARGEST)
-
-
-def _place(columns: list[Column], name: str, source: str) -> int:
-    """The index of a signal by its name with or without that of its message."""
+def _place(
+    columns: list[Column], signals: list[can_database.Column], left: dict[str, str], name: str, source: str
+) -> int | None:
+    """The index of a signal by its label or its name; None if it is none, but the whole of a source."""
     for place, entry in enumerate(columns):
         if name in (entry.label, entry.name):
             return place
-    alike = [entry.label for entry in columns if entry.label.endswith(f".{name}")]
-    hint = f"; it is one of {', '.join(alike)}" if alike else ""
-    names = [entry.label for entry in columns if "+" not in entry.label]
-    hint = hint or f"; {did_you_mean(name, names)}"
-    raise ValueError(f"no signal {name!r} in the database, for the sum {source!r}{hint}")
+    alike = [entry for entry in signals if entry.label.endswith((f".{name}", f":{name}"))]
+    wanted = f"no signal {name!r}{'' if name == source else f', for {source!r}'}"
+    if alike:
+        reasons = dict.fromkeys(entry.apart for entry in alike if entry.apart)
+        hint = f"did you mean {' or '.join(entry.label for entry in alike)}?"
+        raise ValueError("; ".join((wanted, *reasons, hint)))
+    for label, reason in left.items():
+        if name in (label, label.rpartition(".")[2]) or name.startswith(f"{label}."):
+            raise ValueError(f"{label} of the database cannot be read ({reason})")
+    if name == source:
+        return None
+    raise ValueError(f"{wanted}; {did_you_mean(name, [entry.label for entry in columns])}")
 
 
-def _load(path: Any, options: Options, wanted: list[list[tuple[Any, Any]]], meta: dict[str, Any]) -> list[Values]:
+def _load(
+    path: Any, options: Options, wanted: list[Wanted], known: set[tuple[int, bool]], meta: dict[str, Any]
+) -> list[Values]:
     """The time, and every column at that time or the reason for which it cannot be read; writes the meta ``can``."""
-    messages = {parts[0][0].name: parts[0][0] for parts in wanted}
-    start, frames, seen = _read(path, options, list(messages.values()))
-    signals: list[tuple[np.ndarray, np.ndarray] | str] = []
-    for parts in wanted:
-        message = parts[0][0]
-        found = frames.get(message.name)
-        if found is None:
-            signals.append(f"is in the message {_named(message)}, which never occurs in the log; it has {_ids(seen)}")
-            continue
-        values = np.sum([found.values[signal.name] for _, signal in parts], axis=0)
-        there = ~np.isnan(values)
-        few = f"has {np.count_nonzero(there)} samples"
-        signals.append((found.time[there], values[there]) if np.count_nonzero(there) > 1 else few)
+    log = _read(path, options, [part for column in wanted for part in column.parts])
+    notes: list[str] = []
+    told: dict[str, dict[str, Any]] = {}
+    signals = [_signal(column, log, known, told, notes) for column in wanted]
     usable = [signal for signal in signals if not isinstance(signal, str)]
     if not usable:
         return [np.empty(0), *(str(signal) for signal in signals)]
-    time = _time_base([time for time, _ in usable])
-    meta["can"] = {
-        "method": METHOD,
-        "rate_hz": float(1 / (time[1] - time[0])),
-        "first_frame_s": start,
-        "messages": {name: _told(messages[name], entry) for name, entry in frames.items()},
-    }
-    return [time, *(signal if isinstance(signal, str) else _interpolated(time, *signal) for signal in signals)]
+    batch = _batch([time for time, _ in usable])
+    placed: list[tuple[np.ndarray, np.ndarray] | str] = []
+    for column, signal in zip(wanted, signals):
+        if not isinstance(signal, str):
+            time, last, note = _instants(signal[0], column.parts[0].message, batch)
+            notes += [f"{column.parts[0].message.label}: {note}"] * bool(note)
+            signal = time, signal[1][last]
+        placed.append(signal)
+    base = _time_base([signal[0] for signal in placed if not isinstance(signal, str)])
+    rate = float(1 / (base[1] - base[0]))
+    meta["can"] = {"method": METHOD, "rate_hz": rate, "first_frame_s": log.start, "messages": told}
+    meta["can"] |= {"notes": list(dict.fromkeys(notes))} if notes else {}
+    return [base, *(signal if isinstance(signal, str) else _interpolated(base, *signal) for signal in placed)]
 
 
-def _read(path: Any, options: Options, wanted: list[Any]) -> tuple[float, dict[str, Frames], Counter[int]]:
-    """Time of the first frame [s], the frames of the wanted messages that occur, and how often each identifier does."""
-    keys = {(message.frame_id, message.is_extended_frame): message for message in wanted}
-    raw: dict[str, list[tuple[float, bytes]]] = {}
-    buses: dict[str, set[str]] = {}
-    seen: Counter[int] = Counter()
-    start = 0.0
-    for place, frame in enumerate(_frames(path, options.until), start=1):
-        start = frame.timestamp if place == 1 else start
-        if options.bus is not None and str(frame.channel) != options.bus:
+def _signal(
+    column: Wanted, log: Log, known: set[tuple[int, bool]], told: dict[str, dict[str, Any]], notes: list[str]
+) -> tuple[np.ndarray, np.ndarray] | str:
+    """Time [s] and values of the frames that hold a column, NaN for codes, or why there are none."""
+    first = column.parts[0]
+    raw = _raw(first, log, known, notes)
+    if isinstance(raw, str):
+        return f"is in the message {first.message.label} ({first.message.identified}), which {raw}"
+    time, data, size = raw.arrays()
+    message = told.setdefault(first.message.label, _told(first.message, time - log.start, data, size))
+    there, values = np.ones(time.size, dtype=bool), np.zeros(time.size)
+    for part in (*column.parts, *([column.sign] if column.sign else ())):
+        try:
+            held, read, codes = part.read(data, size)
+        except ValueError as error:
+            return f"cannot be read: {error}"
+        there &= held
+        values = values + read if part is not column.sign else np.where(read == 1, -values, values) + 0 * read
+        if codes:
+            message.setdefault("codes", {})[part.label] = codes
+            counted = ", ".join(f"{count} frames with {code}" for code, count in codes.items())
+            notes.append(f"{part.label} has no value in {counted}")
+    least = max(can_database.bytes_of(part.signal) for part in column.parts)
+    short = np.count_nonzero(size < least)
+    if np.count_nonzero(there) < 2:
+        lacking = f"; it needs {least} bytes, of which they have {size.max()}" if short else ""
+        return f"has {np.count_nonzero(there)} samples in {size.size} frames{lacking}"
+    label, sign = column.label, f"{first.message.label}.{first.sign}"
+    if np.isnan(values[there]).all():
+        return f"has no value in any of its frames: {notes[-1]}; is the database that of this car?"
+    if short:
+        notes.append(f"{label} is not in {short} frames, which are shorter than its {least} bytes")
+    if first.sign and column.sign is None:
+        notes.append(f'{label} is read without its sign, {sign}: give it in a mapping, sign_from = "{sign}"')
+    return time[there] - log.start, values[there]
+
+
+def _raw(entry: can_database.Column, log: Log, known: set[tuple[int, bool]], notes: list[str]) -> Raw | str:
+    """The frames of a signal's message, or why there are none; for J1939 also those from another source address."""
+    message = entry.message
+    raw = log.frames.get(message.key)
+    group, own = group_of(message.frame_id), f"0x{message.frame_id & 0xFF:02X}"
+    others = [key for key in log.frames if key not in known and key[1] and group_of(key[0]) == group]
+    if raw is None and entry.is_j1939 and others:
+        sources = ", ".join(f"0x{frame_id & 0xFF:02X} ({identifier(frame_id, True)})" for frame_id, _ in others)
+        if len(others) > 1:
+            return f"comes from {sources}, not from {own}: write the identifier that is wanted into the database"
+        raw = log.frames[others[0]]
+        notes.append(f"{message.label} comes from the source address {sources}, in the database from {own}")
+    if raw is None:
+        kinds = ("a standard", "an extended")
+        if log.seen[message.frame_id, not message.extended]:
+            one, other = kinds[message.extended], kinds[not message.extended]
+            return f"never occurs with {one} identifier; it is there as {other} one"
+        return f"never occurs in the log; it has {_ids(log.seen)}"
+    if len(raw.buses) > 1:
+        names = sorted(raw.buses)
+        raise ValueError(f"{message.label} occurs on the buses {', '.join(names)}: choose one, --bus {names[0]}")
+    time = np.array(raw.time) - log.start
+    if (back := np.flatnonzero(np.diff(time) < 0)).size:
+        one, other = time[back[0] : back[0] + 2]
+        raise ValueError(
+            f"{message.label} ({message.identified}): the time goes back from {one:.6f} to {other:.6f} s; sort the log"
+        )
+    return raw
+
+
+def _read(path: Any, options: Options, wanted: list[can_database.Column]) -> Log:
+    """The frames of the wanted signals' messages, and those of their groups for J1939."""
+    widths: dict[Any, int] = {}
+    for entry in wanted:
+        keys = (entry.message.key, *([group_of(entry.message.frame_id)] if entry.is_j1939 else ()))
+        for key in keys:
+            widths[key] = max(widths.get(key, 0), can_database.width(entry.message))
+    frames: dict[tuple[int, bool], Raw] = {}
+    seen: Counter[tuple[int, bool]] = Counter()
+    start = None
+    source = _measured if Path(path).suffix.lower() in MDF else _logged
+    for time, frame_id, extended, bus, data in source(path, options.until):
+        start = time if start is None else start
+        if options.bus is not None and str(bus) != options.bus:
             continue
-        seen[frame.arbitration_id] += 1
-        message = keys.get((frame.arbitration_id, frame.is_extended_id))
-        if message is None:
-            continue
-        time = frame.timestamp - start
-        if len(frame.data) < max(message.length, frame.dlc):
-            raise ValueError(
-                f"frame {place}, at {time:.6f} s, has {len(frame.data)} of the {message.length} bytes of "
-                f"{_named(message)}: the log is cut there, or the database is of another car; "
-                f"{_before(time)}"
-            )
-        raw.setdefault(message.name, []).append((time, bytes(frame.data)))
-        buses.setdefault(message.name, set()).add(str(frame.channel))
-    for name, channels in buses.items():
-        if len(channels) > 1:
-            names = sorted(channels)
-            raise ValueError(f"{name} occurs on the buses {', '.join(names)}: choose one, --bus {names[0]}")
-    if not seen:
+        key = (frame_id, extended)
+        seen[key] += 1
+        if seen[key] == 1 and (key in widths or (extended and group_of(frame_id) in widths)):
+            frames[key] = Raw(widths.get(key) or widths[group_of(frame_id)])
+        if raw := frames.get(key):
+            raw.take(time, str(bus), data)
+    if start is None or not seen:
         where = "" if options.bus is None else f" on the bus {options.bus!r}"
         raise ValueError(f"no frame in the log{where}; is it complete?")
-    return (
-        start,
-        {message.name: _decoded(message, raw[message.name]) for message in wanted if message.name in raw},
-        seen,
-    )
+    return Log(start, frames, seen)
 
 
-def _frames(path: Any, until: float) -> Iterator[Any]:
-    """The data frames before a time; ValueError with the place where the log breaks off."""
-    can, _ = _packages()
-    number, time, start = 0, 0.0, None
+def _logged(path: Any, until: float) -> Iterator[Frame]:
+    """The data frames of a log before a time; ValueError with the place where the log breaks off."""
+    try:
+        import can  # here, because it is an extra
+    except ImportError:
+        raise ValueError("CAN logs need the packages python-can and cantools: pip install '.[can]'") from None
+    number, time, start, problem, frame = 0, 0.0, None, "", None
+    longest: dict[int, int] = {}
     try:
         with can.LogReader(path) as reader:
+            if isinstance(reader, can.ASCReader):
+                reader.file = _absolute(reader.file)  # type: ignore[assignment]  # it reads lines from it
             for frame in reader:
                 start = frame.timestamp if start is None else start
                 if frame.timestamp - start >= until:
                     return
-                number, time = number + 1, frame.timestamp - start
+                time = frame.timestamp - start
                 if not (frame.is_error_frame or frame.is_remote_frame):
-                    yield frame
+                    size = len(frame.data)
+                    if size != frame.dlc:
+                        problem = f"the next one has {size} of {frame.dlc} bytes"
+                        break
+                    longest[frame.arbitration_id] = max(longest.get(frame.arbitration_id, 0), size)
+                    yield frame.timestamp, frame.arbitration_id, frame.is_extended_id, frame.channel, bytes(frame.data)
+                number += 1
             size = getattr(reader, "file_size", 0)
-        problem = _end(Path(path), size)
+        problem = problem or _end(Path(path), size, frame, longest)
     except Exception as error:  # damaged logs raise exceptions of many types
         problem = str(error)
     if problem:
-        whole = _before(time) if number else "record it again"
+        whole = (
+            f"take what is before that with --between 0 {np.floor(1e3 * time) / 1e3:g}" if number else "record it again"
+        )
         raise ValueError(f"the log breaks off after {number} whole frames, at {time:.6f} s ({problem}); {whole}")
 
 
-def _before(time: float) -> str:
-    """The remedy for a log of which a part can be read; the time is rounded down [s]."""
-    return f"take what is before that with --between 0 {np.floor(1e3 * time) / 1e3:g}"
+def _absolute(file: Any) -> Iterator[str]:
+    """The lines of an ASC file; where its head says that stamps are relative, they are those of the line before added.
+
+    Lines that are no frames count as well, which python-can skips.
+    """
+    time, relative = 0.0, False
+    with closing(file):
+        for line in file:
+            relative = relative or bool(RELATIVE.match(line))
+            if relative and (stamp := STAMP.match(line)):
+                time += float(stamp[1])
+                line = f"{time:.9f} {line[stamp.end() :]}"
+            yield line
 
 
-def _end(path: Path, size: int) -> str:
-    """What is wrong with the end of a log that python-can read without complaint; empty if nothing is."""
+def _measured(path: Any, until: float) -> Iterator[Frame]:
+    """The data frames in an MDF file, in the order of their time stamps."""
+    time, *rest = own_process.read("an MDF file with raw CAN frames", _frame_groups, str(path))
+    count = np.searchsorted(time, time[0] + until) if time.size else 0
+    for stamp, frame_id, extended, bus, size, data in zip(time[:count].tolist(), *(values[:count] for values in rest)):
+        yield stamp, int(frame_id), bool(extended), str(bus), bytes(data[:size])
+
+
+def _frame_groups(path: str) -> tuple[np.ndarray, ...]:
+    """Time, identifier, whether that has 29 bits, bus, size and bytes of every data frame, by time."""
+    import asammdf
+
+    found = []
+    with asammdf.MDF(path) as mdf:
+        for _, group in mdf.channels_db.get(FRAMES, ()):
+            frames = mdf.get(FRAMES, group)
+            names, values = frames.samples.dtype.names or (), frames.samples
+            bits = values[f"{FRAMES}.ID"].astype(np.int64)
+            extended = values[f"{FRAMES}.IDE"].astype(bool) if f"{FRAMES}.IDE" in names else bits >> 31 == 1
+            bus = values[f"{FRAMES}.BusChannel"] if f"{FRAMES}.BusChannel" in names else np.zeros(bits.size, dtype=int)
+            data = values[f"{FRAMES}.DataBytes"]
+            data = np.pad(data, ((0, 0), (0, 64 - data.shape[1])))
+            found.append(
+                (frames.timestamps, bits & 0x1FFFFFFF, extended, bus, values[f"{FRAMES}.DataLength"].astype(int), data)
+            )
+    if not found:
+        raise ValueError("it holds no raw CAN frames")
+    columns = [np.concatenate(parts) for parts in zip(*found)]
+    order = np.argsort(columns[0], kind="stable")
+    return tuple(column[order] for column in columns)
+
+
+def _end(path: Path, size: int, last: Any, longest: dict[int, int]) -> str:
+    """What is wrong with the end of a log that python-can read without complaint; empty if nothing is.
+
+    A last line without an end may be a whole frame: ``last`` has all the bytes that others of its identifier have, of
+    whose sizes ``longest`` is the largest, and in formats that separate bytes they are what the line says.
+    """
     if path.stat().st_size < size:
         return f"{path.stat().st_size} of {size} bytes are there"
-    if not path.name.lower().endswith((".asc", ".trc", ".asc.gz", ".trc.gz")):
+    if path.suffix.lower() == ".blf":
         return ""
     with closing(gzip.open(path) if path.suffix.lower() == ".gz" else open(path, "rb")) as file:
-        last = deque(file, maxlen=1)
-    if not last or last[0].endswith(b"\n"):
-        return ""
-    return f"the last line, {last[0].decode(errors='replace')!r}, has no end"
+        line = (deque(file, maxlen=1) or [b"\n"])[0].decode(errors="replace")
+    if line.endswith("\n") or line.strip()[:1].isalpha() or line.startswith("//"):
+        return ""  # what is no frame needs no end
+    whole = last is not None and len(last.data) >= longest.get(last.arbitration_id, 0)
+    if path.name.lower().endswith((".asc", ".trc", ".asc.gz", ".trc.gz")):
+        whole = whole and " ".join(f"{byte:02X}" for byte in last.data) in line.upper()
+    return "" if whole else f"the last line, {line!r}, has no end"
 
 
-def _decoded(message: Any, raw: list[tuple[float, bytes]]) -> Frames:
-    """The frames as cantools decodes them; of frames with the same time stamp the last.
+def _batch(times: list[np.ndarray]) -> float | None:
+    """The time between two batches of a log that stamps its frames in batches [s]; None for any other log."""
+    shares = [np.mean(np.diff(time) == 0) for time in times]
+    lengths = [np.median(np.diff(np.unique(time))) for time, share in zip(times, shares) if share > BATCHED]
+    return float(np.median(lengths)) if lengths else None
 
-    A frame that the database does not describe, such as one with a multiplexer of its own, has no values.
+
+def _instants(stamps: np.ndarray, message: Message, batch: float | None) -> tuple[np.ndarray, np.ndarray, str]:
+    """Strictly ascending instants of frames, which of the frames they are of, and what is to be told.
+
+    Without batches, the last frame of each stamp is kept. In batches, the frames of one stamp are spread over the time
+    before it, the cycle time of the message apart, but not into the batch before. The last one is half of a cycle time,
+    or of a batch if that is shorter, before the stamp, which is the mean of what such a frame waits for its stamp. The
+    cycle time is that of the database if the log agrees within a quarter, or else that of the log.
     """
-    _, cantools = _packages()
-
-    def signals(data: bytes) -> dict[str, Any]:
-        try:
-            found: dict[str, Any] = message.decode(data, decode_choices=False)
-        except cantools.database.DecodeError:
-            return {}
-        return found
-
-    time = np.array([stamp for stamp, _ in raw])
-    back = np.flatnonzero(np.diff(time) < 0)
-    if back.size:
-        k = int(back[0])
-        raise ValueError(
-            f"{_named(message)}: the time goes back from {time[k]:.6f} to {time[k + 1]:.6f} s; sort the log"
-        )
-    kept = np.append(np.diff(time) > 0, True)
-    frames = [signals(data) for (_, data), keep in zip(raw, kept) if keep]
-    values = {
-        signal.name: np.array([float(frame.get(signal.name, np.nan)) for frame in frames]) for signal in message.signals
-    }
-    return Frames(time[kept], values)
+    at, first, count = np.unique(stamps, return_index=True, return_counts=True)
+    shared = stamps.size - at.size
+    last = np.append(np.diff(stamps) > 0, True)
+    if batch is None or at.size < 2:
+        told = f"{shared} of {stamps.size} frames have the time stamp of the next one and are left out"
+        return at, last, told if shared else ""
+    steps = np.diff(at)
+    near = steps <= LONGEST_STEP * np.median(steps)
+    found = float(steps[near].sum() / count[1:][near].sum())
+    cycle = message.cycle if message.cycle and abs(message.cycle / found - 1) < 0.25 else found
+    step = np.minimum(np.append(cycle, steps / count[1:]), cycle)
+    group = np.repeat(np.arange(at.size), count)
+    later = (first + count - 1)[group] - np.arange(stamps.size)
+    time = stamps - later * step[group] - np.minimum(step, batch)[group] / 2
+    told = f"the log stamps frames in batches of {batch:.3g} s; {stamps.size} frames with {at.size} stamps are spread"
+    return time, np.ones(stamps.size, dtype=bool), f"{told} by the cycle time of {cycle:.3g} s"
 
 
 def _time_base(times: list[np.ndarray]) -> np.ndarray:
@@ -302,40 +471,39 @@ def _time_base(times: list[np.ndarray]) -> np.ndarray:
 
 
 def _interpolated(at: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Linear interpolation between frames; NaN in gaps."""
+    """Linear interpolation between frames; NaN in gaps, and between a frame with a value and one without."""
     read = np.interp(at, time, values)
     k = np.clip(np.searchsorted(time, at, side="right") - 1, 0, time.size - 2)
     gap = np.diff(time) > LONGEST_STEP * np.median(np.diff(time))
     read[gap[k] & (at > time[k]) & (at < time[k + 1])] = np.nan
-    return read
+    return np.where(at == time[k], values[k], read)
 
 
-def _told(message: Any, frames: Frames) -> dict[str, Any]:
+def _told(message: Message, stamps: np.ndarray, data: np.ndarray, size: np.ndarray) -> dict[str, Any]:
     """What the meta tells of a message's frames."""
-    steps = np.diff(frames.time)
-    told: dict[str, Any] = {"id": f"0x{message.frame_id:03X}", "frames": frames.time.size}
-    undescribed = np.count_nonzero(np.all([np.isnan(values) for values in frames.values.values()], axis=0))
-    if frames.values and undescribed:
-        told["not_decoded"] = int(undescribed)
+    time = np.unique(stamps)
+    steps = np.diff(time)
+    told: dict[str, Any] = {"id": identifier(*message.key), "frames": stamps.size}
+    if time.size < stamps.size:
+        told["shared_stamps"] = stamps.size - time.size
+    content = [signal for signal in message.signals if not signal.is_multiplexer]
+    undescribed = ~np.any([selected(message, signal, data, size) for signal in content], axis=0)
+    if undescribed.any():
+        told["not_decoded"] = int(np.count_nonzero(undescribed))
     if steps.size:
         longest = int(np.argmax(steps))
-        told["rate_hz"] = float(1 / steps.mean())
-        told["longest_step_s"], told["longest_step_at_s"] = float(steps[longest]), float(frames.time[longest])
+        told["rate_hz"] = float((stamps.size - 1) / (time[-1] - time[0]))
+        told["longest_step_s"], told["longest_step_at_s"] = float(steps[longest]), float(time[longest])
         told["gaps"] = int(np.count_nonzero(steps > LONGEST_STEP * np.median(steps)))
     for signal in message.signals:
-        if any(part in signal.name.lower() for part in COUNTERS):
+        if any(part in signal.name.lower() for part in COUNTERS) and signal.length < 64:
             most = signal.maximum if signal.maximum and signal.maximum > 0 else 2**signal.length - 1
-            modulus = int(most) + 1
-            ahead = np.diff(frames.values[signal.name]) % modulus
-            told["missed_by_counter"] = int(np.sum(np.maximum(ahead - 1, 0)))
+            counts = can_database.raw_values(signal, data)[selected(message, signal, data, size)].astype(float)
+            told["missed_by_counter"] = int(np.sum(np.maximum(np.diff(counts) % (int(most) + 1) - 1, 0)))
     return told
 
 
-def _named(message: Any) -> str:
-    return f"{message.name} (id 0x{message.frame_id:03X})"
-
-
-def _ids(seen: Counter[int]) -> str:
+def _ids(seen: Counter[tuple[int, bool]]) -> str:
     """The identifiers that occur, the most frequent first."""
-    named = [f"0x{identifier:03X}" for identifier, _ in seen.most_common(12)]
+    named = [identifier(*key) for key, _ in seen.most_common(12)]
     return ", ".join(named) + (", ..." if len(seen) > len(named) else "")

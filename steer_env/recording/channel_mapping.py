@@ -9,6 +9,7 @@ A mapping is a small TOML file; every key of a section may be left out:
     delay_ms = 10                 # delay of the channel, which is corrected
     offset = 0.3                  # reading of the sensor at zero, in `unit`, before the sign is changed
     scale = 1.02                  # factor on the reading, for a sensor that reads too little or in counts
+    sign_from = "LWS.ANGLE_SIGN"  # in a CAN log: the signal that is 1 where the reading, a magnitude, is negative
     [meta]
     manoeuvre = "weave"
     speed_m_s = 27.8
@@ -50,7 +51,9 @@ FRICTION = {
 }
 OWN = "own_"  # begins the names of further channels, which no metric reads; they need a unit
 
-_KEYS = ("from", "unit", "sign", "delay_ms", "offset", "scale")
+SIGNED = " signed by "  # between the names of a magnitude and of the signal of its sign
+
+_KEYS = ("from", "unit", "sign", "delay_ms", "offset", "scale", "sign_from")
 _TIME_KEYS = ("from", "unit")
 
 
@@ -64,6 +67,12 @@ class Entry(NamedTuple):
     delay: float = 0.0  # delay of the channel [s]
     offset: float = 0.0  # subtracted before the sign is changed [unit of the file]
     scale: float = 1.0  # factor on what remains [1]
+    sign_from: str | None = None  # signal of a CAN log that is 1 where the reading is negative; None: it has its sign
+
+    @property
+    def column(self) -> str:
+        """The column of the file: the source, with the signal of its sign."""
+        return self.source if self.sign_from is None else f"{self.source}{SIGNED}{self.sign_from}"
 
 
 @dataclass(frozen=True)
@@ -124,7 +133,7 @@ def entry(name: str, given: Any) -> Entry:
     for key in given:
         if key not in allowed:
             raise ValueError(f"{where} has no key {key!r}; it takes {', '.join(allowed)}")
-    for key in ("from", "unit"):
+    for key in ("from", "unit", "sign_from"):
         if not isinstance(given.get(key, ""), str):
             raise ValueError(f"{where}.{key} must be text, got {given[key]!r}")
     source, unit, sign = given.get("from") or name, given.get("unit"), given.get("sign", 1)
@@ -138,7 +147,7 @@ def entry(name: str, given: Any) -> Entry:
         raise ValueError(f"{where}.sign must be 1 or -1, got {sign!r}")
     delay, offset = (number(f"{where}.{key}", given.get(key, 0.0)) for key in ("delay_ms", "offset"))
     scale = number(f"{where}.scale", given.get("scale", 1.0), minimum=0.0, above=True)
-    return Entry(name, source, unit, float(sign), delay / 1e3, offset, scale)
+    return Entry(name, source, unit, float(sign), delay / 1e3, offset, scale, given.get("sign_from"))
 
 
 def parse_entry(text: str) -> Entry:
@@ -159,7 +168,7 @@ def parse_entry(text: str) -> Entry:
         key, equals, value = (part.strip() for part in setting.partition("="))
         if not equals or key in given:
             raise ValueError(f"{text!r}: expected each of key=value once ({', '.join(_KEYS[1:])}), got {setting!r}")
-        given[key] = value if key in ("from", "unit") else read_number(value)
+        given[key] = value if key in ("from", "unit", "sign_from") else read_number(value)
     try:
         return entry(name, given)
     except ValueError as error:
@@ -169,7 +178,7 @@ def parse_entry(text: str) -> Entry:
 def did_you_mean(name: str, names: Iterable[str]) -> str:
     """A clause of a message with those of ``names`` that are similar to ``name``, or with the first thirty names."""
     names = list(dict.fromkeys(names))
-    close = [entry for entry in names if entry.endswith(f".{name}")] or get_close_matches(name, names)
+    close = [entry for entry in names if entry.endswith((f".{name}", f":{name}"))] or get_close_matches(name, names)
     if close:
         return f"did you mean {' or '.join(close)}?"
     return f"there are {', '.join(names[:30])}{', ...' if len(names) > 30 else ''}"

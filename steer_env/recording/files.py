@@ -78,7 +78,7 @@ def read(
     if not isinstance(mapping, Mapping):
         mapping = Mapping() if mapping is None else mappings.load(mapping)
     try:
-        table = opened(path, can, [entry.source for entry in mapping.channels.values()])
+        table = opened(path, can, [entry.column for entry in mapping.channels.values()])
         time = [_time(table.columns, mapping)] if table.timed else []
         if "time" in mapping.channels and not table.timed:
             raise ValueError("this format has a time base of its own: remove [channels.time] from the mapping")
@@ -266,7 +266,7 @@ def _choose(columns: list[Column], mapping: Mapping, used: list[int]) -> tuple[l
 def _find(columns: list[Column], entry: Entry) -> int:
     """The index of an entry's column, found by its label or else by its name without the unit."""
     for texts in ([column.label for column in columns], [column.name for column in columns]):
-        places = [place for place, text in enumerate(texts) if text == entry.source]
+        places = [place for place, text in enumerate(texts) if text == entry.column]
         if len(places) > 1 and entry.unit is not None:
             wanted = parse_unit(entry.unit)
             places = [k for k in places if parse_unit(columns[k].unit or "") == wanted] or places
@@ -275,6 +275,8 @@ def _find(columns: list[Column], entry: Entry) -> int:
         if places:
             twice = _listed([columns[place].label for place in places])
             raise ValueError(f"{entry.source!r} for {entry.name} may be any of {twice}: give its unit as well")
+    if entry.sign_from is not None:
+        raise ValueError(f"sign_from of {entry.name} is for CAN logs, whose signals may have their sign in another one")
     names = [column.name for column in columns if "+" not in column.name]
     raise ValueError(f"no channel {entry.source!r} for {entry.name}; {did_you_mean(entry.source, names)}")
 

@@ -14,6 +14,9 @@ class Column(NamedTuple):
     label: str  # its text in the file
     name: str  # the label without the unit
     unit: str | None  # as the file spells it; None if the file names none
+    sign: str | None = (
+        None  # label of the column that is 1 where the values, magnitudes, are negative; None: they are not
+    )
 
     @property
     def declares_unit(self) -> bool:

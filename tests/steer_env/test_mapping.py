@@ -77,7 +77,7 @@ def test_the_compact_form(text, expected):
     ("text", "message"),
     [
         ("yaw_rate", "expected NAME=NAME_IN_FILE[unit],sign=-1,delay_ms=10,offset=0.3,scale=1.02; got 'yaw_rate'"),
-        ("yaw_rate=Gyro,sign", "expected each of key=value once (unit, sign, delay_ms, offset, scale), got 'sign'"),
+        ("yaw_rate=Gyro,sign", "expected each of key=value once (unit, sign, delay_ms, offset, scale, sign_from), got"),
         ("yaw_rate=Gyro,gain=2", "channels.yaw_rate has no key 'gain'; it takes from, unit, sign, delay_ms, offset"),
         ("yaw_rate=Gyro,sign=2", "channels.yaw_rate.sign must be 1 or -1, got 2.0"),
         ("yaw_rate=Gyro,delay_ms=soon", "channels.yaw_rate.delay_ms must be a number, got 'soon'"),

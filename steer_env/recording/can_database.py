@@ -1,0 +1,399 @@
+"""What the bytes of CAN frames are: databases, read with the package cantools, and their signals.
+
+A database that cantools refuses as a whole is read in parts, so that an entry which cannot be read costs only the
+signals that it describes. An identifier or a name that two entries define differently is never chosen by their order.
+
+A raw value is no value of its signal, but a gap, where it is
+
+* beyond the signal's range [minimum|maximum], by more than half a count. [0|0] is no range, and neither is that of the
+  raw values themselves, which some databases give for a signal with a scale;
+* named by the database as no value: see ``named_codes``;
+* in a message of J1939, not available, an error or reserved, by the table of SAE J1939-71 (see ``is_j1939``);
+* the invalid value that databases of other formats than DBC declare.
+"""
+
+import re
+from collections import Counter, defaultdict
+from collections.abc import Callable, Sequence
+from os import PathLike
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from steer_env.friction.numerics.check import number
+
+LONGEST = 64  # signal that is read [bit]
+LARGEST = 1e30  # number of a database [unit of its signal]
+FEW = 16  # most names of a signal whose last raw values, where they have names, are codes; assumed [1]
+# Words of a name that say there is no value, in any signal; and those that also may be a state, as of a switch.
+NO_VALUE = (
+    r"invalid|not valid|unknown|undefin\w*|sna|n a|not avail\w*|unavailable|no data\w*|no signal|no value|missing|"
+    r"ung\W*(ue|ü)?\W*ltig|nicht (verf\w*|definiert|vorhanden|verbaut)|kein wert"
+)
+NO_READING = (
+    r"error|fehler|fault\w*|fail\w*|defect|defekt|init\w*|not (initialized|used|supported|determined|in spec|within)|"
+    r"notused|unused|reserved|reserviert|default|overflow|underflow|out of range|implausible|unplausible|timeout"
+)
+ORDINARY = r"no (fault|error)s?|not faulted|fehlerfrei|kein fehler|valid range|real values?"  # names of what is a value
+SIGN = r"vorzeichen( der)?|vorz|vz|sign|sgn|direction"  # part of the name of a signal that is the sign of another
+AVAILABLE = 0xFA  # largest first byte of what is a value in J1939; then reserved, 0xFE error, 0xFF not available
+# Kinds of statements of a DBC that say how bytes are read; the others are comments, nodes and attributes.
+STATEMENT = re.compile(r"^[ \t]*(?=[A-Z]+_(?:[A-Z]+_)*\s)", re.MULTILINE)
+IDENTIFIER = re.compile(r'^(\s*(?:BO_|VAL_|SIG_VALTYPE_|SG_MUL_VAL_|BA_\s+"\w+"\s+(?:BO_|SG_))\s+)(\d+)', re.MULTILINE)
+OF_SIGNALS = ("VAL_", "SIG_VALTYPE_", "SG_MUL_VAL_")
+
+
+class Message(NamedTuple):
+    """A message as a database describes it."""
+
+    database: str  # name of the database in labels
+    label: str  # its name, behind that of the database and a colon where two messages have it
+    name: str
+    frame_id: int
+    extended: bool  # whether the identifier has 29 bits
+    length: int  # [byte]
+    cycle: float | None  # time between two frames [s]
+    j1939: bool  # whether the database says so
+    signals: tuple[Any, ...]  # of cantools
+
+    @property
+    def key(self) -> tuple[int, bool]:
+        """What its frames have."""
+        return self.frame_id, self.extended
+
+    @property
+    def identified(self) -> str:
+        """Its identifier, as messages of errors show it."""
+        return f"id {identifier(*self.key)}"
+
+    @property
+    def content(self) -> tuple[Any, ...]:
+        """All that says how its frames are read, by which two definitions are the same or not."""
+        fields = ("name", "start", "length", "byte_order", "is_signed", "minimum", "maximum", "unit", "multiplexer_ids")
+        return (
+            self.name,
+            self.key,
+            sorted((*(str(getattr(s, key)) for key in fields), repr(s.conversion), s.is_float) for s in self.signals),
+        )
+
+
+class Column(NamedTuple):
+    """A signal of a message."""
+
+    label: str  # MESSAGE.SIGNAL, behind the name of the database and a colon where there are two of those
+    message: Message
+    signal: Any
+    apart: str  # why it needs the name of its database; empty if it does not
+
+    @property
+    def sign(self) -> str | None:
+        """The name of the signal that holds its sign, which its own bits do not; None if there is none."""
+        signal, own = self.signal, _words(self.signal.name)
+        if signal.is_signed or signal.is_float or signal.length == 1 or signal.offset < 0 < signal.scale:
+            return None
+        for other in self.message.signals:
+            words = _words(other.name)
+            stem = re.sub(rf"\b({SIGN})\b *", "", words).strip()
+            if other.length == 1 and stem != words and len(stem) > 2 and own.startswith(stem):
+                return str(other.name)
+        return None
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """The range of its values, infinite where the database gives none [unit of the signal]."""
+        signal, (lowest, highest) = self.signal, _raw_range(self.signal)
+        low, high = signal.minimum, signal.maximum
+        scaled = (signal.scale, signal.offset) != (1, 0)
+        if low is None or high is None or low >= high or (scaled and (low, high) == (lowest, highest)):
+            return -np.inf, np.inf
+        slack = 0.0 if signal.is_float else abs(signal.scale) / 2
+        return (low - slack if low > -LARGEST else -np.inf), (high + slack if high < LARGEST else np.inf)
+
+    @property
+    def is_j1939(self) -> bool:
+        """Whether the message is one of J1939: the database says so, or its identifier is like one.
+
+        That has 29 bits of which the extended data page is 0, and a group that is sent to all or the null address.
+        """
+        group, address = (self.message.frame_id >> 16) & 0xFF, self.message.frame_id & 0xFF
+        like = self.message.extended and not (self.message.frame_id >> 25) & 1 and (group >= 0xF0 or address == 0xFE)
+        return self.message.j1939 or like
+
+    def named_codes(self) -> dict[int, str]:
+        """The raw values whose names say that they are no values, with these names.
+
+        In a signal that counts or enumerates (every raw value has a name; or it has no unit, no scale and at most eight
+        bits, as a gear or a switch has), these are names such as "Invalid", "SNA", "Not available", "Unknown"; all
+        other names are those of states, and stay numbers. In a signal that measures, they are also names such as
+        "Error", "Fault", "Init", "Reserved", and, where it has no more than ``FEW`` names, any name of raw values that
+        are the last ones of its bits, as 255 and 254 of eight; any other name, as 0 "Straight", is that of a value.
+        """
+        signal, names = self.signal, {int(raw): str(name) for raw, name in (self.signal.choices or {}).items()}
+        lowest, highest = _raw_range(signal)
+        plain = not signal.unit and (signal.scale, signal.offset) == (1, 0) and signal.length <= 8
+        states = plain or len(names) > highest - lowest
+        words = rf"\b({NO_VALUE if states else f'{NO_VALUE}|{NO_READING}'})( ?\d+)?\b"
+        codes = {raw for raw, name in names.items() if re.search(words, _words(name))}
+        for end, step in () if states or len(names) > FEW else ((highest, -1), (lowest, 1)):
+            while end in names and end != 0:
+                codes.add(end)
+                end += step
+        return {raw: names[raw] for raw in codes if not re.search(ORDINARY, _words(names[raw]))}
+
+    def read(self, data: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray, dict[str, int]]:
+        """The values in frames.
+
+        Parameters
+        ----------
+        data : (F, B) array of uint8
+            The bytes of each frame, filled up to one length.
+        size : (F,) array
+            How many of them each frame has.
+
+        Returns
+        -------
+        there : (F,) array of bool
+            Whether a frame holds the signal: it is long enough, and the multiplexer selects it.
+        values : (F,) array
+            In the unit of the signal; NaN where the raw value is no value, or is not there.
+        codes : dict of str to int
+            What the raw values without a value are, and how many there are.
+
+        Raises
+        ------
+        ValueError
+            If the signal has more than ``LONGEST`` bits, or a number that it cannot be scaled with.
+        """
+        signal = self.signal
+        for key in ("scale", "offset"):
+            number(f"{key} of {self.label}", getattr(signal, key), minimum=-LARGEST, maximum=LARGEST)
+        there, raw = selected(self.message, signal, data, size), raw_values(signal, data)
+        with np.errstate(invalid="ignore", over="ignore"):  # of floating-point numbers that are none
+            values = raw * signal.scale + float(signal.offset)
+            low, high = self.limits
+            beyond = f"beyond [{signal.minimum:g}|{signal.maximum:g}]" if np.isfinite((low, high)).any() else ""
+            kinds = [(raw == code, f"{code} ({name})") for code, name in sorted(self.named_codes().items())]
+            if signal.raw_invalid is not None:
+                kinds.append((raw == signal.raw_invalid, f"{signal.raw_invalid} (invalid)"))
+            if self.is_j1939 and not (signal.is_signed or signal.is_float or signal.length == 1):
+                kinds += _j1939_codes(signal.length, raw)
+            kinds += [((values < low) | (values > high), beyond), (~np.isfinite(values), "not a finite number")]
+        left, codes = there.copy(), {}
+        for where, name in kinds:
+            if count := int(np.count_nonzero(where & left)):
+                codes[name] = count
+                left &= ~where
+        return there, np.where(left, values, np.nan), codes
+
+
+def selected(message: Message, signal: Any, data: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """Whether frames (F,) are long enough for a signal and its multiplexer, if it has one, selects it."""
+    there = np.asarray(size >= bytes_of(signal))
+    switch = next((one for one in message.signals if one.name == signal.multiplexer_signal), None)
+    if switch is None or signal.multiplexer_ids is None:
+        return there
+    chosen = np.isin(raw_values(switch, data), signal.multiplexer_ids)
+    return there & chosen & selected(message, switch, data, size)
+
+
+def _words(name: str) -> str:
+    """A name as words in small letters: "SignalNotAvailable_1" is "signal not available 1"."""
+    apart = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", name)
+    return re.sub(r"[\W_]+", " ", apart).strip().lower()
+
+
+def _raw_range(signal: Any) -> tuple[int, int]:
+    """The smallest and the largest raw value that the bits of a signal hold."""
+    half = 1 << (signal.length - 1)
+    return (-half, half - 1) if signal.is_signed else (0, 2 * half - 1)
+
+
+def _place(signal: Any) -> tuple[int, int, int]:
+    """The first and the last byte of a signal, and how many bits of the last significant one stand below it."""
+    if signal.byte_order == "little_endian":
+        return signal.start // 8, (signal.start + signal.length - 1) // 8, signal.start % 8
+    first = 8 * (signal.start // 8) + 7 - signal.start % 8  # bits counted from the most significant one of each byte
+    last = first + signal.length - 1
+    return first // 8, last // 8, 7 - last % 8
+
+
+def bytes_of(signal: Any) -> int:
+    """How many bytes a frame has at least that holds a signal."""
+    return _place(signal)[1] + 1
+
+
+def width(message: Message) -> int:
+    """How many bytes of a frame hold the signals of a message."""
+    return max(map(bytes_of, message.signals), default=0)
+
+
+def raw_values(signal: Any, data: np.ndarray) -> np.ndarray:
+    """The raw values (F,) of a signal in the bytes (F, B) of frames, of which each has all that the signal needs."""
+    first, last, below = _place(signal)
+    if signal.length > LONGEST or (signal.is_float and signal.length not in (16, 32, 64)):
+        kind = "floating-point " if signal.is_float else ""
+        raise ValueError(f"{kind}signal {signal.name} has {signal.length} bits, which is not read")
+    places = range(first, last + 1) if signal.byte_order == "little_endian" else range(last, first - 1, -1)
+    raw = np.zeros(len(data), dtype=np.uint64)
+    for k, place in enumerate(places):
+        byte, shift = data[:, place].astype(np.uint64), 8 * k - below
+        raw |= byte << np.uint64(shift) if shift >= 0 else byte >> np.uint64(-shift)
+    raw &= np.uint64(2**signal.length - 1)
+    if signal.is_float:
+        return raw.astype(f"u{signal.length // 8}").view(f"f{signal.length // 8}").astype(float)
+    if signal.is_signed:
+        sign = np.uint64(1 << (signal.length - 1))
+        return (raw ^ sign).astype(np.int64) - np.int64(sign) if signal.length < LONGEST else raw.view(np.int64)
+    return raw
+
+
+def _j1939_codes(length: int, raw: np.ndarray) -> list[tuple[np.ndarray, str]]:
+    """The raw values that are none in J1939: by their first byte, or the last two of fields that have less than one."""
+    highest = 2**length - 1
+    if length < 8 or length % 4:
+        return [(raw == highest, f"{highest} (not available)"), (raw == highest - 1, f"{highest - 1} (error)")]
+    first = raw >> np.uint64(length - 8)
+    kinds = ((first == 0xFF, "0xFF", "not available"), (first == 0xFE, "0xFE", "error"))
+    rest = (first > AVAILABLE, f"0x{AVAILABLE + 1:X} to 0xFD", "reserved")
+    return [(where, f"{code}{'..' * (length > 8)} ({name})") for where, code, name in (*kinds, rest)]
+
+
+def group_of(frame_id: int) -> int:
+    """The parameter group of an identifier of J1939, which has the source address and the priority besides."""
+    group = (frame_id >> 8) & 0x3FFFF
+    return group if (group >> 8) & 0xFF >= 0xF0 else group & 0x3FF00
+
+
+def identifier(frame_id: int, extended: bool) -> str:
+    """An identifier of 11 bits with three digits, of 29 bits with eight."""
+    return f"0x{frame_id:08X}" if extended else f"0x{frame_id:03X}"
+
+
+def load(paths: Sequence[str | PathLike[str]]) -> tuple[list[Column], dict[str, str]]:
+    """Every signal of the databases, and what could not be read of them: MESSAGE or MESSAGE.SIGNAL -> reason.
+
+    Raises
+    ------
+    ValueError
+        If a database holds no message that can be read, or without the package cantools.
+    OSError
+        If a database cannot be opened.
+    """
+    names = [Path(path).stem for path in paths]
+    left: dict[str, str] = {}
+    found: list[Message] = []
+    for path, name in zip(paths, names):
+        for entry in _messages(path, left):
+            message = _message(entry, name if names.count(name) == 1 else str(path))
+            if all(message.content != other.content for other in found):
+                found.append(message)
+    if not found:
+        raise ValueError(f"{', '.join(map(str, paths))}: no message in it")
+    columns = []
+    names = [message.name for message in found]
+    of_key: dict[tuple[int, bool], list[Message]] = defaultdict(list)
+    for message in found:
+        of_key[message.key].append(message)
+    sources = Counter(f"{message.name}.{signal.name}" for message in found for signal in message.signals)
+    for message in found:
+        if names.count(message.name) > 1:
+            message = message._replace(label=f"{message.database}:{message.name}")
+        rivals = of_key[message.key]
+        said = " and ".join(f"{other.name} in {other.database}" for other in rivals)
+        for signal in message.signals:
+            label = f"{message.name}.{signal.name}"
+            apart = f"{message.identified} is {said}" if len(rivals) > 1 else ""
+            apart = apart or f"{label} is there {sources[label]} times" * (sources[label] > 1)
+            columns.append(Column(f"{message.database}:{label}" if apart else label, message, signal, apart))
+    twice = {label for label, times in Counter(column.label for column in columns).items() if times > 1}
+    left |= dict.fromkeys(twice, "it is defined twice, in different ways")
+    return [column for column in columns if column.label not in twice], left
+
+
+def _message(entry: Any, database: str) -> Message:
+    cycle = entry.cycle_time / 1e3 if isinstance(entry.cycle_time, int | float) else None
+    j1939 = entry.protocol == "j1939"
+    of = (entry.name, entry.frame_id, entry.is_extended_frame, entry.length, cycle, j1939, tuple(entry.signals))
+    return Message(database, entry.name, *of)
+
+
+def _messages(path: str | PathLike[str], left: dict[str, str]) -> list[Any]:
+    """The messages of a database, as cantools has them; what it cannot read of a DBC goes to ``left``."""
+    try:
+        import cantools  # here, because it is an extra
+    except ImportError:
+        raise ValueError("CAN logs need the packages python-can and cantools: pip install '.[can]'") from None
+    try:
+        return list(getattr(cantools.database.load_file(path, strict=False), "messages", []))
+    except OSError:
+        raise
+    except Exception as error:  # cantools raises those of its parsers
+        text = Path(path).read_text(encoding="cp1252", errors="replace")
+        found = _in_parts(text, cantools.database.load_string, left)
+        if found:
+            return found
+        raise ValueError(f"{path} cannot be read as a CAN database: {' '.join(str(error).split())}") from None
+
+
+def _widened(found: re.Match[str]) -> str:
+    """An identifier with the mark of one of 29 bits if it has more than 11, which a standard one cannot have."""
+    frame_id = int(found[2])
+    return found[1] + str(frame_id | 1 << 31 if 0x7FF < frame_id < 1 << 29 else frame_id)
+
+
+def _in_parts(text: str, parse: Callable[..., Any], left: dict[str, str]) -> list[Any]:
+    """The messages of a DBC with what is said of their signals; those that ``parse`` refuses go to ``left``.
+
+    An identifier of more than 11 bits without the mark of 29 bits is taken for one with it, which it can only be.
+    """
+    blocks: list[list[str]] = []
+    about: dict[tuple[str, str], list[str]] = defaultdict(list)
+    head = ""
+
+    def loads(part: str) -> bool:
+        try:
+            parse(part, "dbc", strict=False)
+        except Exception:  # cantools raises those of its parsers
+            return False
+        return True
+
+    for part in STATEMENT.split(IDENTIFIER.sub(_widened, text)):
+        kind, *words = re.findall(r"\w+", part.partition("\n")[0]) or [""]
+        if kind == "BO_":
+            blocks.append([part])
+        elif kind == "SG_" and blocks:
+            blocks[-1].append(part)
+        elif kind in OF_SIGNALS and len(words) > 1:
+            about[words[0], words[1]].append(part)
+        elif kind.startswith("BA_DEF") and loads(part):
+            head += part
+        elif (found := re.match(r'BA_\s+("\w+")\s+(?:BO_\s+(\d+)|SG_\s+(\d+)\s+(\w+))', part)) and found[1] in head:
+            about[found[2] or found[3], found[4] or ""].append(part)
+
+    def word(part: str) -> str:
+        """The identifier of a message, or the name of a signal."""
+        return next(iter(re.findall(r"\w+", part)[1:]), "")
+
+    def whole(block: list[str]) -> str:
+        names = dict.fromkeys(["", *map(word, block[1:])])
+        return "".join(block + [part for name in names for part in about.get((word(block[0]), name), ())])
+
+    def readable(chosen: list[list[str]]) -> list[Any]:
+        """The messages of the blocks that can be read, which are found by halves."""
+        try:
+            return list(parse(head + "".join(map(whole, chosen)), "dbc", strict=False).messages)
+        except Exception as error:  # cantools raises those of its parsers
+            reason = " ".join(str(error).split())
+        if len(chosen) > 1:
+            half = len(chosen) // 2
+            return readable(chosen[:half]) + readable(chosen[half:])
+        (block,) = chosen
+        name = " ".join(block[0].split()[2:3]).rstrip(":")
+        good = [part for part in block[1:] if readable([[block[0], part]])] if len(block) > 2 else []
+        if good and len(good) < len(block) - 1:
+            return readable([[block[0], *good]])
+        left[f"{name}.{word(block[1])}" if len(block) == 2 else name] = reason
+        return []
+
+    return readable(blocks) if blocks else []
