@@ -17,12 +17,22 @@ HEAD = """\
 # Remove the # of further lines that apply, and fill in the name that the channel has in the file.
 # value in SI = sign * scale * (reading - offset) in the unit; a channel that is late by delay_ms is moved back.
 # The unit "counts" is that of a sensor without a calibration; signals of a CAN message may be added, "A + B".
+# sign_from names the signal of a CAN message that is 1 where the reading of another, a magnitude, is negative.
 """
 SETTINGS = ("# sign = 1", "# scale = 1.0", "# offset = 0.0", "# delay_ms = 0")
 # Further names that files have for a channel, in English and German.
 USUAL = {
-    "handwheel_angle": ("steering wheel angle", "steer angle", "SWA", "Lenkwinkel", "Lenkradwinkel", "LRW"),
-    "handwheel_torque": ("steering wheel torque", "steer torque", "steer torque driver", "SWT", "Lenkmoment", "LRM"),
+    "handwheel_angle": ("steering wheel angle", "steer angle", "angle", "SWA", "Lenkwinkel", "Lenkradwinkel", "LRW"),
+    "handwheel_torque": (
+        *("steering wheel torque", "steer torque", "steer torque driver", "SWT", "Lenkmoment", "LRM"),
+        *(
+            "SteeringColumnTorque",
+            "CR Mdps StrColTq",
+            "STEERING_COL_TORQUE",
+            "EPAS torsionBarTorque",
+            "torsionBarTorque",
+        ),
+    ),
     "handwheel_speed": ("steering wheel speed", "steering angle rate", "steer rate", "Lenkwinkelgeschwindigkeit"),
     "vehicle_speed": ("speed", "velocity", "v", "vx", "Geschwindigkeit", "Fahrgeschwindigkeit", "v Fzg", "v Fahrzeug"),
     "lateral_acceleration": ("lat acc", "accel y", "ay", "Querbeschleunigung", "Querbeschl", "a quer"),
@@ -31,6 +41,14 @@ USUAL = {
     **friction_record.USUAL,
     "sideslip_angle": ("slip angle", "beta", "Schwimmwinkel"),
 }
+# Hand torque in databases of cars that name no unit: how much one of their values is, by the name [N m].
+TORQUES = {
+    "crmdpsstrcoltq": 0.01,  # Hyundai and Kia
+    "steeringcoltorque": 0.01,  # the same, CAN FD
+    "steeringcolumntorque": 0.0625,  # Ford
+    "epastorsionbartorque": 1.0,  # Tesla and Rivian, 0.01 a bit in the database
+}
+AGREE = 0.5  # correlation of two channels from which on it tells their signs; assumed [1]
 CLEAR = 0.8  # likeness of a name from which on it tells what a column is; assumed [1]
 
 
@@ -61,6 +79,7 @@ def text(
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     found = {column: _told(column, samples) for column, samples in zip(table.columns, values)}
+    samples = dict(zip(table.columns, values))
     lines = [HEAD.format(name=path)]
     place = time_place(table.columns)
     time = [] if place is None else [table.columns[place]]
@@ -70,8 +89,10 @@ def text(
     offered = _offered([column for column in table.columns if not (table.timed and column in time)], wanted)
     for name, units in wanted.items():
         lines += _block(name, units[0], offered[name], found, SETTINGS)
+        if name == "handwheel_angle":
+            lines[-1:] = [*_agreement(offered, samples), ""]
     lines += ["# [meta]", '# manoeuvre = ""', "# speed_m_s = ", "", "# Every column of the file:"]
-    lines += [f"# {_quoted(entry)}: {told}" for entry, told in found.items()]
+    lines += [f"# {_quoted(entry.label)}: {told}" for entry, told in found.items()]
     return "\n".join(lines) + "\n"
 
 
@@ -84,9 +105,32 @@ def _block(
     """
     own = _spelled(offered[0]) if offered and parse_unit(offered[0].unit or "") else None
     off = "" if own and (name == "time" or _likeness(offered[0], name) >= CLEAR) else "# "
-    lines = [f"{'# ' if k else off}from = {_quoted(entry)}  # {found[entry]}" for k, entry in enumerate(offered)]
-    unit = f'unit = "{own or file_unit(unit)}"'
-    return [f"{off}[channels.{name}]", *(lines or ['# from = ""']), off + unit, *settings, ""]
+    lines = [f"{'# ' if k else off}from = {_quoted(entry.label)}  # {found[entry]}" for k, entry in enumerate(offered)]
+    lines = [f"{off}[channels.{name}]", *(lines or ['# from = ""'])]
+    if offered and offered[0].sign:
+        lines.append(f"{off}sign_from = {_quoted(offered[0].sign)}  # 1 where the reading is negative; check it")
+    lines.append(off + f'unit = "{own or file_unit(unit)}"')
+    size = TORQUES.get(_plain(offered[0].name.rpartition(".")[2])) if offered and name == "handwheel_torque" else None
+    if size and not own:
+        settings = (f"# scale = {size:g}  # one of its values in N m, in databases with this name; check it", *settings)
+    return [*lines, *settings, ""]
+
+
+def _agreement(offered: Mapping[str, list[Column]], samples: Mapping[Column, Values]) -> list[str]:
+    """Comments on the sign of the handwheel angle, by its correlation with what a left turn makes positive, too."""
+    lines = []
+    for other in ("yaw_rate", "lateral_acceleration"):
+        pair = [samples[columns[0]] for columns in (offered["handwheel_angle"], offered.get(other, [])) if columns]
+        if len(pair) < 2 or any(isinstance(values, str) for values in pair):
+            continue
+        both = np.array(pair, dtype=float)[:, ~np.isnan(pair).any(axis=0)]
+        if both.shape[1] < 2 or not np.ptp(both, axis=1).all():
+            continue
+        correlation = float(np.corrcoef(both)[0, 1])
+        told = "too little to tell the sign" if abs(correlation) < AGREE else "so their signs are the same"
+        told = "so one of the two needs sign = -1" if correlation <= -AGREE else told
+        lines.append(f"# correlation with {_quoted(offered[other][0].label)}, {other}: {correlation:.2f}, {told}")
+    return lines
 
 
 def _offered(columns: list[Column], channels: Mapping[str, tuple[str, ...]]) -> dict[str, list[Column]]:
@@ -135,6 +179,6 @@ def _told(column: Column, values: Values) -> str:
     return f"{_spelled(column) or 'no unit'}, {np.nanmin(values):.6g} to {np.nanmax(values):.6g}"
 
 
-def _quoted(entry: Column) -> str:
-    """The label as a TOML string, which JSON's is as well."""
-    return json.dumps(entry.label, ensure_ascii=False)
+def _quoted(label: str) -> str:
+    """A label as a TOML string, which JSON's is as well."""
+    return json.dumps(label, ensure_ascii=False)
