@@ -43,6 +43,7 @@ LONGEST_STEP = 3.0  # between two frames without a gap, in median periods of the
 BATCHED = 0.1  # share of a message's frames with the stamp of another from which on stamps are of batches; assumed [1]
 COUNTERS = ("counter", "alive", "rolling")  # parts of the names of signals that count the frames
 MDF = (".mf4", ".mdf")
+BUS = ("CAN_", "LIN_")  # begin the names of channels with the frames of a bus in an MDF file
 FRAMES = "CAN_DataFrame"  # channel of an MDF file with raw frames
 RELATIVE = re.compile(r"\s*base\s+\w+\s+timestamps\s+relative", re.IGNORECASE)
 STAMP = re.compile(r"\s*(\d+\.\d+)\s")
@@ -105,13 +106,13 @@ class Log(NamedTuple):
     seen: Counter[tuple[int, bool]]  # how often each occurs
 
 
-def recognised(path: str | PathLike[str]) -> bool:
-    """Whether a file is a CAN log by its suffix, or a .csv by the header of one."""
+def recognised(path: str | PathLike[str], options: Options | None = None) -> bool:
+    """Whether a file is a CAN log by its suffix, a .csv by the header of one, or an MDF file with a database."""
     name = Path(path).name.lower()
     if name.endswith(SUFFIXES):
         return True
     if not name.endswith(".csv") or not Path(path).is_file():
-        return False
+        return name.endswith(MDF) and options is not None and bool(options.dbc)
     with open(path, "rb") as file:
         return file.read(len(CSV_HEADER)) == CSV_HEADER.encode()
 
@@ -386,7 +387,7 @@ def _frame_groups(path: str) -> tuple[np.ndarray, ...]:
 
     found = []
     with asammdf.MDF(path) as mdf:
-        for _, group in mdf.channels_db.get(FRAMES, ()):
+        for group, _ in mdf.channels_db.get(FRAMES, ()):
             frames = mdf.get(FRAMES, group)
             names, values = frames.samples.dtype.names or (), frames.samples
             bits = values[f"{FRAMES}.ID"].astype(np.int64)

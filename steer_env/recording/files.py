@@ -116,7 +116,7 @@ def read(
 
 def _place(path: str | os.PathLike[str], can: can_log.Options | None) -> str:
     """A file in messages, with the databases that a CAN log is read with."""
-    if can is None or not can.dbc or not can_log.recognised(path):
+    if can is None or not can.dbc or not can_log.recognised(path, can):
         return str(path)
     return f"{path} with {', '.join(map(str, can_log.paths_of(can.dbc)))}"
 
@@ -131,12 +131,14 @@ def opened(path: str | os.PathLike[str], can: can_log.Options | None = None, sou
     OSError
         If the file cannot be opened.
     """
-    form = None if can_log.recognised(path) else _format(path)
+    form = None if can_log.recognised(path, can) else _format(path)
     with open(path, "rb"):  # the readers of the formats report a missing file in different ways
         pass
     if form is None:
         return can_log.open_table(path, can or can_log.Options(), sources)
     table: Table = form.open_table(path)
+    if table.columns and all(column.label.startswith(can_log.BUS) for column in table.columns):
+        raise ValueError("it holds raw frames of a bus: give the DBC that says what is in them, --dbc car.dbc")
     return table
 
 

@@ -120,10 +120,12 @@ def _agreement(offered: Mapping[str, list[Column]], samples: Mapping[Column, Val
     """Comments on the sign of the handwheel angle, by its correlation with what a left turn makes positive, too."""
     lines = []
     for other in ("yaw_rate", "lateral_acceleration"):
-        pair = [samples[columns[0]] for columns in (offered["handwheel_angle"], offered.get(other, [])) if columns]
-        if len(pair) < 2 or any(isinstance(values, str) for values in pair):
+        columns = offered["handwheel_angle"][:1] + offered.get(other, [])[:1]
+        pair = [values for values in map(samples.get, columns) if isinstance(values, np.ndarray)]
+        if len(pair) < 2:
             continue
-        both = np.array(pair, dtype=float)[:, ~np.isnan(pair).any(axis=0)]
+        both = np.array(pair, dtype=float)
+        both = both.T[~np.isnan(both).any(axis=0)].T
         if both.shape[1] < 2 or not np.ptp(both, axis=1).all():
             continue
         correlation = float(np.corrcoef(both)[0, 1])

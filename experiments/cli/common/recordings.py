@@ -176,6 +176,7 @@ def _notes(meta: Mapping[str, Any], frames: bool) -> Iterator[str]:
             counted = f"; {missed} frames are missing by its counter" if missed else ""
             longest = f"{told['longest_step_s']:.3g} s at {told['longest_step_at_s']:.2f} s"
             yield f"gaps of {name}: {told['gaps']}, longest step {longest}{counted}"
+    yield from meta["can"].get("notes", ()) if frames else ()
 
 
 def _of_drive(found: Any) -> Iterator[str]:
@@ -209,8 +210,9 @@ def check_can(paths: list[str], args: argparse.Namespace) -> None:
     from steer_env.recording import can_log
 
     for option, value in (("--dbc", args.dbc), ("--bus", args.bus)):
-        if value and not any(map(can_log.recognised, paths)):
-            raise ValueError(f"{option} is for CAN logs ({', '.join(names.CAN_FORMATS)}), not {' or '.join(paths)}")
+        if value and not any(can_log.recognised(path, can_options(args)) for path in paths):
+            logs = f"CAN logs ({', '.join(names.CAN_FORMATS)}, or raw frames in .mf4 with --dbc)"
+            raise ValueError(f"{option} is for {logs}, not {' or '.join(paths)}")
 
 
 def _labels(paths: list[str]) -> list[str]:
@@ -252,7 +254,7 @@ def read(path: str, place: int, args: argparse.Namespace) -> Any:
     with _named(path):
         found = found.without(*args.without)
         require_moderate(found)
-    for note in (*_notes(found.meta, can_log.recognised(path)), *_of_drive(found)):
+    for note in (*_notes(found.meta, can_log.recognised(path, can_options(args))), *_of_drive(found)):
         print(f"{path}: {note}")
     with _named(path):
         return found.between(*args.between) if args.between else found
