@@ -168,9 +168,9 @@ class Column(NamedTuple):
         signal = self.signal
         for key in ("scale", "offset"):
             number(f"{key} of {self.label}", getattr(signal, key), minimum=-LARGEST, maximum=LARGEST)
-        there, raw = selected(self.message, signal, data, size), raw_values(signal, data)
         with np.errstate(invalid="ignore", over="ignore"):  # of floating-point numbers that are none
-            values = raw * signal.scale + float(signal.offset)
+            there, raw = selected(self.message, signal, data, size), raw_values(signal, data)
+            values = raw * float(signal.scale) + float(signal.offset)
             low, high = self.limits
             beyond = f"beyond [{signal.minimum:g}|{signal.maximum:g}]" if np.isfinite((low, high)).any() else ""
             kinds = [(raw == code, f"{code} ({name})") for code, name in sorted(self.named_codes().items())]

@@ -361,13 +361,18 @@ def _logged(path: Any, until: float) -> Iterator[Frame]:
 def _absolute(file: Any) -> Iterator[str]:
     """The lines of an ASC file; where its head says that stamps are relative, they are those of the line before added.
 
-    Lines that are no frames count as well, which python-can skips.
+    Lines that are no frames count as well, which python-can skips. It also takes the first line behind the head for a
+    part of that, so that one is put there.
     """
-    time, relative = 0.0, False
+    time, relative, head = 0.0, False, True
     with closing(file):
         for line in file:
             relative = relative or bool(RELATIVE.match(line))
-            if relative and (stamp := STAMP.match(line)):
+            stamp = STAMP.match(line)
+            if stamp and head:
+                yield "internal events logged\n"
+                head = False
+            if stamp and relative:
                 time += float(stamp[1])
                 line = f"{time:.9f} {line[stamp.end() :]}"
             yield line

@@ -336,6 +336,178 @@ def test_without_the_extra(tmp_path, monkeypatch):
     assert "CAN logs need the packages python-can and cantools: pip install '.[can]'" in refusal(path, can=OPTIONS)
 
 
+# What a log does not say plainly
+
+HEAD = 'VERSION ""\nNS_ :\nBS_:\nBU_: A\n'
+STEER = HEAD + 'BO_ 256 STEER: 8 A\n SG_ ANGLE : 0|16@1- (0.1,0) [0|0] "deg" A\n'
+SIGNED = HEAD + (
+    'BO_ 256 STEER: 8 A\n SG_ ANGLE : 0|13@1+ (0.1,0) [0|0] "deg" A\n SG_ ANGLE_SIGN : 13|1@1+ (1,0) [0|1] "" A\n'
+    ' SG_ FINE : 16|8@1+ (0.01,0) [0|0] "deg" A\n'
+)
+NAMED = mapped("handwheel_angle=ANGLE")
+
+
+def logged(tmp_path, database, lines, suffix=".log"):
+    """A log of these lines, and the options that read it."""
+    path = tmp_path / f"drive{suffix}"
+    (tmp_path / "car.dbc").write_text(database)
+    path.write_text("\n".join(lines))
+    return path, can_log.Options(tmp_path / "car.dbc")
+
+
+def angles(times, values, identifier="100"):
+    """Lines of a candump log [0.1 deg]."""
+    return [f"({5 + t:.6f}) can0 {identifier}#{v % 65536:04X}" for t, v in zip(times, map(swapped, values))]
+
+
+def swapped(value):
+    return int.from_bytes((int(value) % 65536).to_bytes(2, "little"), "big")
+
+
+def test_a_sign_in_a_signal_of_its_own(tmp_path):
+    """The wheel passes straight ahead between two frames; there the line is between values with their signs."""
+    truth = np.linspace(-20, 20, 50).round(1)
+    raw = [round(abs(value) * 10) | (value < 0) << 13 for value in truth]
+    path, options = logged(tmp_path, SIGNED, angles(0.01 * np.arange(50), raw))
+    found = read(path, mapped("handwheel_angle=ANGLE,sign_from=STEER.ANGLE_SIGN"), can=options)
+    np.testing.assert_allclose(np.degrees(found["handwheel_angle"]), truth, atol=1e-6)
+    assert "notes" not in found.meta["can"]
+    right = read(path, mapped("handwheel_angle=ANGLE,sign=-1,sign_from=ANGLE_SIGN"), can=options)
+    np.testing.assert_allclose(right["handwheel_angle"], -found["handwheel_angle"])
+    bare = read(path, NAMED, can=options)
+    assert bare["handwheel_angle"].min() >= 0
+    assert "STEER.ANGLE is read without its sign, STEER.ANGLE_SIGN" in bare.meta["can"]["notes"][0]
+    (tmp_path / "run.csv").write_text("time_s,ANGLE_deg\n0,1\n1,2\n")
+    named = mapped("handwheel_angle=ANGLE[deg],sign_from=ANGLE_SIGN")
+    assert "sign_from of handwheel_angle is for CAN logs" in refusal(tmp_path / "run.csv", named)
+
+
+def test_what_two_databases_name_is_asked_for(tmp_path):
+    lines = angles(0.01 * np.arange(50), np.full(50, 100))
+    path, _ = logged(tmp_path, STEER, lines)
+    other = tmp_path / "chassis.dbc"
+    other.write_text(HEAD + 'BO_ 256 OTHER: 8 A\n SG_ TEMP : 0|8@1+ (1,0) [0|0] "K" A\n')
+    for order in ((tmp_path / "car.dbc", other), (other, tmp_path / "car.dbc")):
+        options = can_log.Options(order)
+        text = refusal(path, NAMED, can=options)
+        assert "id 0x100 is" in text
+        assert "did you mean car:STEER.ANGLE?" in text
+        found = read(path, mapped("handwheel_angle=car:STEER.ANGLE"), can=options)
+        np.testing.assert_allclose(np.degrees(found["handwheel_angle"]), 10.0)
+
+
+def test_a_doubled_stamp_is_told_and_the_last_of_its_frames_kept(tmp_path):
+    times = 0.01 * np.arange(50)
+    times[20] = times[21]
+    path, options = logged(tmp_path, STEER, angles(times, np.arange(50)))
+    found = read(path, NAMED, can=options)
+    np.testing.assert_allclose(np.degrees(found["handwheel_angle"]), 10 * found.time, atol=1e-6)
+    assert found.meta["can"]["messages"]["STEER"]["shared_stamps"] == 1
+    assert found.meta["can"]["notes"] == ["STEER: 1 of 50 frames have the time stamp of the next one and are left out"]
+
+
+@pytest.mark.parametrize("cycle", [None, 10, 200])
+def test_batches_are_spread_by_the_cycle_time(tmp_path, cycle):
+    """Of the database, or of the log where that has none or a wrong one; a frame that is lost moves one batch."""
+    true = np.delete(0.003 + 0.01 * np.arange(500), 217)
+    stamps = np.ceil(true / 0.05) * 0.05
+    text = (
+        STEER
+        if cycle is None
+        else STEER + (f'BA_DEF_ BO_ "GenMsgCycleTime" INT 0 1000;\nBA_ "GenMsgCycleTime" BO_ 256 {cycle};\n')
+    )
+    path, options = logged(tmp_path, text, angles(stamps, 1000 * true))
+    found = read(path, NAMED, can=options)
+    late = np.degrees(found["handwheel_angle"]) / 100 - (found.time + stamps[0])
+    assert np.abs(late).max() < 0.0125  # that batch by a cycle time, all by less than half of one
+    assert abs(late.mean()) < 0.005
+    assert found.rate == pytest.approx(100, rel=0.01)
+    assert "batches of 0.05 s; 499 frames with 101 stamps are spread by the cycle time of 0.01 s" in str(found.meta)
+
+
+def test_relative_stamps_of_an_asc_log_add_up(tmp_path):
+    """Those of lines that are no frames, too."""
+    frame = "   {} 1  100             Rx   d 8 {:02X} 00 00 00 00 00 00 00"
+    lines = ["date Thu Jan 1 10:00:00.000 am 2026", "base hex  timestamps relative", "internal events logged"]
+    for k in range(100):
+        lines += [frame.format("0.006000", k), "   0.004000 1  Statistic: D 0 R 0 XD 0 XR 0 E 0 O 0 B 0.0%"]
+    lines.append("")
+    path, options = logged(tmp_path, STEER, lines, ".asc")
+    found = read(path, NAMED, can=options)
+    np.testing.assert_allclose(found.time, 0.01 * np.arange(100), atol=1e-9)
+    np.testing.assert_allclose(np.degrees(found["handwheel_angle"]), 0.1 * np.arange(100), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("lines", "suffix"),
+    [
+        (angles(0.01 * np.arange(50), range(50)), ".log"),
+        ([f"   {0.01 * k:.6f} 1  100  Rx   d 2 {k:02X} 00" for k in range(50)], ".asc"),
+        ([";$FILEVERSION=1.1", *(f"{k})  {10.0 * k:.1f}  Rx  0100  2  {k:02X} 00" for k in range(50))], ".trc"),
+    ],
+)
+def test_a_last_line_needs_no_end_if_it_is_a_whole_frame(tmp_path, lines, suffix):
+    path, options = logged(tmp_path, STEER, lines, suffix)
+    assert read(path, NAMED, can=options)["handwheel_angle"].size == 50
+    for cut in (1, 2):
+        path.write_text("\n".join(lines)[:-cut])
+        assert "the log breaks off after" in refusal(path, NAMED, can=options)
+
+
+def test_a_message_of_j1939_comes_from_the_source_that_there_is(tmp_path):
+    database = STEER.replace("256", str(0x18F009FE | 1 << 31))
+    one, two = (angles(0.01 * np.arange(50) + 0.001 * k, range(50), f"18F009{k:02X}") for k in (11, 19))
+    path, options = logged(tmp_path, database, one)
+    found = read(path, NAMED, can=options)
+    np.testing.assert_allclose(np.degrees(found["handwheel_angle"]), 0.1 * np.arange(50), atol=1e-6)
+    assert "comes from the source address 0x0B (0x18F0090B)" in found.meta["can"]["notes"][0]
+    path, options = logged(tmp_path, database, sorted(one + two))
+    assert "comes from 0x0B (0x18F0090B), 0x13 (0x18F00913), not from 0xFE" in refusal(path, NAMED, can=options)
+    path, options = logged(tmp_path, database, sorted(two + angles(0.01 * np.arange(50), range(50), "18F009FE")))
+    assert "notes" not in read(path, NAMED, can=options).meta["can"]
+    foreign = STEER.replace("256", str(0x12DD5455 | 1 << 31))  # the extended data page is of no message of J1939
+    path, options = logged(tmp_path, foreign, angles(0.01 * np.arange(50), range(50), "12DD5456"))
+    assert "never occurs in the log; it has 0x12DD5456" in refusal(path, NAMED, can=options)
+
+
+def test_an_identifier_of_the_other_kind_is_told(tmp_path):
+    path, options = logged(tmp_path, STEER, angles(0.01 * np.arange(50), range(50), "00000100"))
+    assert "never occurs with a standard identifier; it is there as an extended one" in refusal(
+        path, NAMED, can=options
+    )
+
+
+@pytest.mark.parametrize("extended", [0, 1])
+def test_raw_frames_of_an_mdf_file_are_decoded(tmp_path, extended):
+    """Frames shorter than the database says, in two groups of one bus; without a database the file is refused."""
+    asammdf = pytest.importorskip("asammdf")
+    fields = {"BusChannel": "u1", "ID": "<u4", "IDE": "u1", "DLC": "u1", "DataLength": "u1", "DataBytes": ("u1", (8,))}
+    path = tmp_path / "drive.mf4"
+    with asammdf.MDF(version="4.10") as mdf:
+        for part in range(2):
+            frames = np.zeros(
+                100,
+                dtype=[
+                    (f"CAN_DataFrame.{name}", *np.atleast_1d(np.array(kind, dtype=object)))
+                    for name, kind in fields.items()
+                ],
+            )
+            frames["CAN_DataFrame.ID"], frames["CAN_DataFrame.IDE"] = 256, extended
+            frames["CAN_DataFrame.DataLength"] = frames["CAN_DataFrame.DLC"] = 2
+            values = (np.arange(part, 200, 2) - 100).astype("<i2")
+            frames["CAN_DataFrame.DataBytes"][:, :2] = values.view(np.uint8).reshape(-1, 2)
+            mdf.append(asammdf.Signal(frames, 0.01 * np.arange(part, 200, 2), name="CAN_DataFrame"))
+        mdf.save(path)
+    (tmp_path / "car.dbc").write_text(STEER.replace("256", str(256 | extended << 31)))
+    found = read(path, NAMED, can=can_log.Options(tmp_path / "car.dbc"))
+    np.testing.assert_allclose(found.time, 0.01 * np.arange(200), atol=1e-9)
+    np.testing.assert_allclose(np.degrees(found["handwheel_angle"]), 0.1 * (np.arange(200) - 100), atol=1e-9)
+    assert "give the DBC that says what is in them" in refusal(path, NAMED)
+    cut = tmp_path / "cut.mf4"
+    cut.write_bytes(path.read_bytes()[:500])
+    assert "cut.mf4" in refusal(cut, NAMED, can=can_log.Options(tmp_path / "car.dbc"))
+
+
 # The command line
 
 
