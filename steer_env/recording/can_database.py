@@ -102,10 +102,10 @@ class Column(NamedTuple):
     @property
     def limits(self) -> tuple[float, float]:
         """The range of its values, infinite where the database gives none [unit of the signal]."""
-        signal, (lowest, highest) = self.signal, _raw_range(self.signal)
+        signal, raw = self.signal, _raw_range(self.signal)
         low, high = signal.minimum, signal.maximum
         scaled = (signal.scale, signal.offset) != (1, 0)
-        if low is None or high is None or low >= high or (scaled and (low, high) == (lowest, highest)):
+        if low is None or high is None or low >= high or (scaled and (low, high) in (raw, (0, 2**signal.length - 1))):
             return -np.inf, np.inf
         slack = 0.0 if signal.is_float else abs(signal.scale) / 2
         return (low - slack if low > -LARGEST else -np.inf), (high + slack if high < LARGEST else np.inf)

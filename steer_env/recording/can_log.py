@@ -14,7 +14,8 @@ gaps and the codes of every message, and how many frames its counter misses; its
 
 Frames of one message with one time stamp: where these are more than ``BATCHED`` of a message, the logger stamps in
 batches, and the frames are spread over the time before the stamp, see ``_spread``; of others the last is kept. Both are
-told.
+told. What a log of batches has of the time between messages is the order of their frames: each message is moved as a
+whole so that its frames come, on average, with those of the fastest message that precede them.
 
 A message of J1939 that does not occur under its own identifier is taken from the one source address from which its
 parameter group comes.
@@ -81,12 +82,14 @@ class Raw:
     def __init__(self, width: int) -> None:
         self.width = width  # bytes that are kept of each frame
         self.time = array("d")  # [s]
+        self.number = array("L")  # among all frames of the log, in the order in which they came
         self.size = array("B")  # bytes of the frame
         self.data = bytearray()
         self.buses: set[str] = set()
 
-    def take(self, time: float, bus: str, data: bytes) -> None:
+    def take(self, number: int, time: float, bus: str, data: bytes) -> None:
         """Add a frame."""
+        self.number.append(number)
         self.time.append(time)
         self.size.append(len(data))
         self.data += data[: self.width].ljust(self.width, b"\0")
@@ -209,29 +212,41 @@ def _load(
     log = _read(path, options, [part for column in wanted for part in column.parts])
     notes: list[str] = []
     told: dict[str, dict[str, Any]] = {}
-    signals = [_signal(column, log, known, told, notes) for column in wanted]
-    usable = [signal for signal in signals if not isinstance(signal, str)]
+    found = [_signal(column, log, known, told, notes) for column in wanted]
+    usable = {k: signal for k, signal in enumerate(found) if not isinstance(signal, str)}
     if not usable:
-        return [np.empty(0), *(str(signal) for signal in signals)]
-    batch = _batch([time for time, _ in usable])
-    placed: list[tuple[np.ndarray, np.ndarray] | str] = []
-    for column, signal in zip(wanted, signals):
-        if not isinstance(signal, str):
-            time, last, note = _instants(signal[0], column.parts[0].message, batch)
-            notes += [f"{column.parts[0].message.label}: {note}"] * bool(note)
-            signal = time, signal[1][last]
-        placed.append(signal)
-    base = _time_base([signal[0] for signal in placed if not isinstance(signal, str)])
+        return [np.empty(0), *map(str, found)]
+    batch = _batch([stamps for stamps, _, _ in usable.values()])
+    placed: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+    clock = None  # numbers, instants and cycle time of the fastest message
+    for k, (stamps, values, numbers) in sorted(usable.items(), key=lambda pair: -pair[1][0].size):
+        message = wanted[k].parts[0].message
+        last = np.append(np.diff(stamps) > 0, True)
+        if batch is None:
+            placed[k] = stamps[last], values[last]
+            doubled = f"{np.count_nonzero(~last)} of {last.size} frames have the time stamp of the next one"
+            notes += [f"{message.label}: {doubled} and are left out"] * (not last.all())
+            continue
+        time, cycle = _spread(stamps, message.cycle)
+        clock = clock or (numbers, time, cycle)
+        ticks = clock[1][np.maximum(np.searchsorted(clock[0], numbers, side="right") - 1, 0)]
+        placed[k] = time + np.mean(ticks - time), values
+        notes.append(
+            f"{message.label}: the log stamps frames in batches of {batch:.3g} s; {last.size} frames with "
+            f"{np.count_nonzero(last)} stamps are spread by the cycle time of {cycle:.3g} s, against those of other "
+            f"messages to within {clock[2]:.3g} s"
+        )
+    base = _time_base([time for time, _ in placed.values()])
     rate = float(1 / (base[1] - base[0]))
     meta["can"] = {"method": METHOD, "rate_hz": rate, "first_frame_s": log.start, "messages": told}
     meta["can"] |= {"notes": list(dict.fromkeys(notes))} if notes else {}
-    return [base, *(signal if isinstance(signal, str) else _interpolated(base, *signal) for signal in placed)]
+    return [base, *(_interpolated(base, *placed[k]) if k in placed else str(one) for k, one in enumerate(found))]
 
 
 def _signal(
     column: Wanted, log: Log, known: set[tuple[int, bool]], told: dict[str, dict[str, Any]], notes: list[str]
-) -> tuple[np.ndarray, np.ndarray] | str:
-    """Time [s] and values of the frames that hold a column, NaN for codes, or why there are none."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray] | str:
+    """Time [s], values and numbers of the frames that hold a column, NaN for codes, or why there are none."""
     first = column.parts[0]
     raw = _raw(first, log, known, notes)
     if isinstance(raw, str):
@@ -262,7 +277,7 @@ def _signal(
         notes.append(f"{label} is not in {short} frames, which are shorter than its {least} bytes")
     if first.sign and column.sign is None:
         notes.append(f'{label} is read without its sign, {sign}: give it in a mapping, sign_from = "{sign}"')
-    return time[there] - log.start, values[there]
+    return time[there] - log.start, values[there], np.array(raw.number)[there]
 
 
 def _raw(entry: can_database.Column, log: Log, known: set[tuple[int, bool]], notes: list[str]) -> Raw | str:
@@ -306,7 +321,7 @@ def _read(path: Any, options: Options, wanted: list[can_database.Column]) -> Log
     seen: Counter[tuple[int, bool]] = Counter()
     start = None
     source = _measured if Path(path).suffix.lower() in MDF else _logged
-    for time, frame_id, extended, bus, data in source(path, options.until):
+    for number, (time, frame_id, extended, bus, data) in enumerate(source(path, options.until)):
         start = time if start is None else start
         if options.bus is not None and str(bus) != options.bus:
             continue
@@ -315,7 +330,7 @@ def _read(path: Any, options: Options, wanted: list[can_database.Column]) -> Log
         if seen[key] == 1 and (key in widths or (extended and group_of(frame_id) in widths)):
             frames[key] = Raw(widths.get(key) or widths[group_of(frame_id)])
         if raw := frames.get(key):
-            raw.take(time, str(bus), data)
+            raw.take(number, time, str(bus), data)
     if start is None or not seen:
         where = "" if options.bus is None else f" on the bus {options.bus!r}"
         raise ValueError(f"no frame in the log{where}; is it complete?")
@@ -437,30 +452,20 @@ def _batch(times: list[np.ndarray]) -> float | None:
     return float(np.median(lengths)) if lengths else None
 
 
-def _instants(stamps: np.ndarray, message: Message, batch: float | None) -> tuple[np.ndarray, np.ndarray, str]:
-    """Strictly ascending instants of frames, which of the frames they are of, and what is to be told.
+def _spread(stamps: np.ndarray, declared: float | None) -> tuple[np.ndarray, float]:
+    """Strictly ascending instants of frames that are stamped in batches, and the cycle time that is between them [s].
 
-    Without batches, the last frame of each stamp is kept. In batches, the frames of one stamp are spread over the time
-    before it, the cycle time of the message apart, but not into the batch before. The last one is half of a cycle time,
-    or of a batch if that is shorter, before the stamp, which is the mean of what such a frame waits for its stamp. The
-    cycle time is that of the database if the log agrees within a quarter, or else that of the log.
+    The frames of one stamp are spread over the time before it, the cycle time apart, but not into the batch before. The
+    cycle time is that which the database declares if the log agrees within a quarter, or else that of the log.
     """
     at, first, count = np.unique(stamps, return_index=True, return_counts=True)
-    shared = stamps.size - at.size
-    last = np.append(np.diff(stamps) > 0, True)
-    if batch is None or at.size < 2:
-        told = f"{shared} of {stamps.size} frames have the time stamp of the next one and are left out"
-        return at, last, told if shared else ""
     steps = np.diff(at)
     near = steps <= LONGEST_STEP * np.median(steps)
     found = float(steps[near].sum() / count[1:][near].sum())
-    cycle = message.cycle if message.cycle and abs(message.cycle / found - 1) < 0.25 else found
+    cycle = declared if declared and abs(declared / found - 1) < 0.25 else found
     step = np.minimum(np.append(cycle, steps / count[1:]), cycle)
     group = np.repeat(np.arange(at.size), count)
-    later = (first + count - 1)[group] - np.arange(stamps.size)
-    time = stamps - later * step[group] - np.minimum(step, batch)[group] / 2
-    told = f"the log stamps frames in batches of {batch:.3g} s; {stamps.size} frames with {at.size} stamps are spread"
-    return time, np.ones(stamps.size, dtype=bool), f"{told} by the cycle time of {cycle:.3g} s"
+    return stamps - ((first + count)[group] - np.arange(stamps.size)) * step[group], cycle
 
 
 def _time_base(times: list[np.ndarray]) -> np.ndarray:
