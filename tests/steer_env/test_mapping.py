@@ -57,6 +57,10 @@ def test_entries_go_over_those_of_a_file():
     ("text", "expected"),
     [
         (
+            "yaw_rate=ESP.Rate[deg/s],sign_from=ESP.Rate_VZ",
+            Entry("yaw_rate", "ESP.Rate", "deg/s", sign_from="ESP.Rate_VZ"),
+        ),
+        (
             "handwheel_angle=SteeringWheelAngle[deg],sign=-1,delay_ms=10",
             Entry("handwheel_angle", "SteeringWheelAngle", "deg", -1.0, 0.01),
         ),

@@ -3,10 +3,11 @@
 import re
 
 import numpy as np
+import pytest
 from scipy import io
 
 from steer_env.experiments.cli.main import main
-from steer_env.recording import channel_mapping
+from steer_env.recording import can_log, channel_mapping
 from steer_env.recording.files import read
 
 
@@ -97,3 +98,49 @@ def test_what_is_clear_is_guessed(tmp_path):
     found = read(path, out)
     assert set(found.channels) == {"handwheel_angle", "vehicle_speed"}
     np.testing.assert_allclose(found["vehicle_speed"], [10.0, 20.0])
+
+
+CAN = """VERSION ""
+NS_ :
+BS_:
+BU_: A
+BO_ 256 LWI: 8 A
+ SG_ LWI_Lenkradwinkel : 0|13@1+ (0.1,0) [0|800] "deg" A
+ SG_ LWI_VZ_Lenkradwinkel : 13|1@1+ (1,0) [0|1] "" A
+ SG_ CR_Mdps_StrColTq : 16|11@1+ (1,-1024) [0|0] "" A
+BO_ 257 ESP: 8 A
+ SG_ YAW_RATE : 0|16@1- (0.01,0) [0|0] "deg/s" A
+"""
+
+
+def test_sign_and_torque_of_a_can_log_are_proposed(tmp_path):
+    """The signal of the sign with the angle, and the size of a torque whose database has no unit."""
+    log, dbc, out = (tmp_path / name for name in ("drive.log", "car.dbc", "map.toml"))
+    dbc.write_text(CAN)
+    lines = []
+    for k in range(400):
+        angle = float(30 * np.sin(k / 20))
+        bits = round(abs(angle) * 10) | (angle < 0) << 13 | (1024 + k) << 16
+        yaw = round(-angle * 20) % 65536
+        lines += [f"({0.01 * k:.6f}) can0 100#{bits.to_bytes(8, 'little').hex()}"]
+        lines += [f"({0.01 * k + 0.001:.6f}) can0 101#{yaw.to_bytes(2, 'little').hex()}{'00' * 6}"]
+    log.write_text("\n".join(lines) + "\n")
+    assert main(["evaluate", str(log), "--dbc", str(dbc), "--template", str(out)]) == 0
+    text = out.read_text()
+    assert "\n# scale = 0.01  #" in text
+    guessed = channel_mapping.load(out).channels
+    assert guessed["handwheel_angle"].sign_from == "LWI.LWI_VZ_Lenkradwinkel"
+    found = read(log, out, can=can_log.Options(dbc))
+    assert np.degrees(found["handwheel_angle"]).min() < -29
+
+
+@pytest.mark.parametrize(("size", "told"), [(2, "their signs are the same"), (-2, "one of the two needs sign = -1")])
+def test_the_sign_of_the_angle_is_checked_against_the_yaw_rate(tmp_path, size, told):
+    path, out = tmp_path / "run.csv", tmp_path / "map.toml"
+    rows = [f"{k / 100},{np.sin(k / 20):.6f},{size * np.sin(k / 20 - 0.3):.6f}" for k in range(400)]
+    path.write_text("\n".join(["time [s],steering wheel angle [deg],Yaw [deg/s]", *rows]) + "\n")
+    assert main(["evaluate", str(path), "--template", str(out)]) == 0
+    (line,) = (line for line in out.read_text().splitlines() if "correlation" in line)
+    assert told in line
+    correlation = float(re.search(r"-?\d\.\d\d", line.rpartition("yaw_rate")[2])[0])
+    assert correlation == pytest.approx(np.sign(size) * np.cos(0.3), abs=0.02)
