@@ -119,18 +119,21 @@ def _block(
 def _agreement(offered: Mapping[str, list[Column]], samples: Mapping[Column, Values]) -> list[str]:
     """Comments on the sign of the handwheel angle, by its correlation with what a left turn makes positive, too."""
     lines = []
+    negative = {column.label: values for column, values in samples.items()}
     for other in ("yaw_rate", "lateral_acceleration"):
-        columns = offered["handwheel_angle"][:1] + offered.get(other, [])[:1]
-        pair = [values for values in map(samples.get, columns) if isinstance(values, np.ndarray)]
+        pair = []
+        for column in offered["handwheel_angle"][:1] + offered.get(other, [])[:1]:
+            signs = negative.get(column.sign or "", np.zeros(1))
+            if not isinstance(samples[column], str) and not isinstance(signs, str):
+                pair.append(np.where(signs > 0.5, -1, 1) * np.asarray(samples[column], dtype=float))
         if len(pair) < 2:
             continue
-        both = np.array(pair, dtype=float)
-        both = both.T[~np.isnan(both).any(axis=0)].T
+        both = np.array(pair).T[~np.isnan(pair).any(axis=0)].T
         if both.shape[1] < 2 or not np.ptp(both, axis=1).all():
             continue
         correlation = float(np.corrcoef(both)[0, 1])
-        told = "too little to tell the sign" if abs(correlation) < AGREE else "so their signs are the same"
-        told = "so one of the two needs sign = -1" if correlation <= -AGREE else told
+        told = "so their signs are the same" if correlation > 0 else "so one of the two needs sign = -1"
+        told = told if abs(correlation) >= AGREE else "too little to tell the sign"
         lines.append(f"# correlation with {_quoted(offered[other][0].label)}, {other}: {correlation:.2f}, {told}")
     return lines
 

@@ -128,6 +128,7 @@ def test_sign_and_torque_of_a_can_log_are_proposed(tmp_path):
     assert main(["evaluate", str(log), "--dbc", str(dbc), "--template", str(out)]) == 0
     text = out.read_text()
     assert "\n# scale = 0.01  #" in text
+    assert "yaw_rate: -1.00, so one of the two needs sign = -1" in text  # of the angle with its sign
     guessed = channel_mapping.load(out).channels
     assert guessed["handwheel_angle"].sign_from == "LWI.LWI_VZ_Lenkradwinkel"
     found = read(log, out, can=can_log.Options(dbc))
