@@ -29,7 +29,7 @@ FEW = 16  # most names of a signal whose last raw values, where they have names,
 # Words of a name that say there is no value, in any signal; and those that also may be a state, as of a switch.
 NO_VALUE = (
     r"invalid|not valid|unknown|undefin\w*|sna|n a|not avail\w*|unavailable|no data\w*|no signal|no value|missing|"
-    r"ung\W*(ue|ü)?\W*ltig|nicht (verf\w*|definiert|vorhanden|verbaut)|kein wert"
+    r"ung\S* ?\S?ltig|nicht (verf\w*|definiert|vorhanden|verbaut)|kein wert"
 )
 NO_READING = (
     r"error|fehler|fault\w*|fail\w*|defect|defekt|init\w*|not (initialized|used|supported|determined|in spec|within)|"
