@@ -9,8 +9,8 @@ Time begins at the first frame of the log. The messages of a log come at rates o
 recording has one uniform time base: the mean rate of the message with the most frames among those that are wanted,
 within the time that all of them cover. Each value is interpolated linearly between the last frame before the instant
 and the first one after it, and uses no others; where these are more than ``LONGEST_STEP`` periods apart, or one of them
-holds a code that is no value, it is a gap. The meta ``can`` tells this with the frames, the rate, the longest step, the
-gaps and the codes of every message, and how many frames its counter misses; its ``notes`` are sentences for the user.
+holds a code that is no value, it is a gap. The meta ``can`` tells this with the frames, the rate, the longest step and
+the gaps of every message, and how many frames its counter misses; its ``notes`` are sentences for the user.
 
 Frames of one message with one time stamp: where these are more than ``BATCHED`` of a message, the logger stamps in
 batches, and the frames are spread over the time before the stamp, see ``_spread``; of others the last is kept. Both are
@@ -36,7 +36,8 @@ import numpy as np
 from steer_env.recording import can_database, own_process
 from steer_env.recording.can_database import Message, group_of, identifier, selected
 from steer_env.recording.channel_mapping import SIGNED, did_you_mean
-from steer_env.recording.table import Column, Table, Values
+from steer_env.recording.table import DOUBLED, NO_VALUE, Column, Table, Values, tell
+from steer_env.recording.units import parse_unit
 
 SUFFIXES = (".blf", ".asc", ".log", ".trc", ".asc.gz", ".log.gz", ".trc.gz")
 CSV_HEADER = "timestamp,arbitration_id,"  # of a log that python-can wrote as .csv
@@ -134,7 +135,8 @@ def open_table(path: str | PathLike[str], options: Options, sources: Sequence[st
     for entry in signals:
         name = entry.label if entry.apart or named[entry.signal.name] > 1 else entry.signal.name
         sign = entry.sign and f"{entry.message.label}.{entry.sign}"
-        columns.append(Column(entry.label, name, entry.signal.unit or None, sign))
+        unit = entry.signal.unit or None
+        columns.append(Column(entry.label, name, unit, parse_unit(unit or ""), sign))
         wanted.append(Wanted(entry.label, [entry], None))
     for source in dict.fromkeys(sources):
         sizes, _, sign = source.partition(SIGNED)
@@ -146,7 +148,7 @@ def open_table(path: str | PathLike[str], options: Options, sources: Sequence[st
         summands = parts[:-1] if sign else parts
         if len({entry.message for entry in parts}) > 1 or len({entry.signal.unit for entry in summands}) > 1:
             raise ValueError(f"{source!r} cannot be formed: its signals must be of one message and in one unit")
-        columns.append(Column(source, source, summands[0].signal.unit or None))
+        columns.append(columns[signals.index(summands[0])]._replace(label=source, name=source, sign=None))
         wanted.append(Wanted(source, summands, parts[-1] if sign else None))
     meta: dict[str, Any] = {}
     known = {entry.message.key for entry in signals}
@@ -212,7 +214,7 @@ def _load(
     log = _read(path, options, [part for column in wanted for part in column.parts])
     notes: list[str] = []
     told: dict[str, dict[str, Any]] = {}
-    found = [_signal(column, log, known, told, notes) for column in wanted]
+    found = [_signal(column, log, known, told, notes, meta) for column in wanted]
     usable = {k: signal for k, signal in enumerate(found) if not isinstance(signal, str)}
     if not usable:
         return [np.empty(0), *map(str, found)]
@@ -224,8 +226,8 @@ def _load(
         last = np.append(np.diff(stamps) > 0, True)
         if batch is None:
             placed[k] = stamps[last], values[last]
-            doubled = f"{np.count_nonzero(~last)} of {last.size} frames have the time stamp of the next one"
-            notes += [f"{message.label}: {doubled} and are left out"] * (not last.all())
+            if not last.all():
+                tell(meta, DOUBLED, message.label, int(np.count_nonzero(~last)))
             continue
         time, cycle = _spread(stamps, message.cycle)
         clock = clock or (numbers, time, cycle)
@@ -244,7 +246,12 @@ def _load(
 
 
 def _signal(
-    column: Wanted, log: Log, known: set[tuple[int, bool]], told: dict[str, dict[str, Any]], notes: list[str]
+    column: Wanted,
+    log: Log,
+    known: set[tuple[int, bool]],
+    told: dict[str, dict[str, Any]],
+    notes: list[str],
+    meta: dict[str, Any],
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray] | str:
     """Time [s], values and numbers of the frames that hold a column, NaN for codes, or why there are none."""
     first = column.parts[0]
@@ -252,8 +259,8 @@ def _signal(
     if isinstance(raw, str):
         return f"is in the message {first.message.label} ({first.message.identified}), which {raw}"
     time, data, size = raw.arrays()
-    message = told.setdefault(first.message.label, _told(first.message, time - log.start, data, size))
-    there, values = np.ones(time.size, dtype=bool), np.zeros(time.size)
+    told.setdefault(first.message.label, _told(first.message, time - log.start, data, size))
+    there, values, counted = np.ones(time.size, dtype=bool), np.zeros(time.size), list[str]()
     for part in (*column.parts, *([column.sign] if column.sign else ())):
         try:
             held, read, codes = part.read(data, size)
@@ -262,9 +269,8 @@ def _signal(
         there &= held
         values = values + read if part is not column.sign else np.where(read == 1, -values, values) + 0 * read
         if codes:
-            message.setdefault("codes", {})[part.label] = codes
-            counted = ", ".join(f"{count} frames with {code}" for code, count in codes.items())
-            notes.append(f"{part.label} has no value in {counted}")
+            tell(meta, NO_VALUE, part.label, codes)
+            counted += [f"{count} of {part.label} have {code}" for code, count in codes.items()]
     least = max(can_database.bytes_of(part.signal) for part in column.parts)
     short = np.count_nonzero(size < least)
     if np.count_nonzero(there) < 2:
@@ -272,7 +278,7 @@ def _signal(
         return f"has {np.count_nonzero(there)} samples in {size.size} frames{lacking}"
     label, sign = column.label, f"{first.message.label}.{first.sign}"
     if np.isnan(values[there]).all():
-        return f"has no value in any of its frames: {notes[-1]}; is the database that of this car?"
+        return f"has no value in any of its frames ({', '.join(counted)}); is the database that of this car?"
     if short:
         notes.append(f"{label} is not in {short} frames, which are shorter than its {least} bytes")
     if first.sign and column.sign is None:

@@ -10,22 +10,22 @@ in brackets or in a row under the header, use semicolons or tabs as separators (
 cells empty (an empty cell is a gap), and be UTF-8, UTF-16 with a byte-order mark, or Latin-1.
 """
 
+import csv
 import gzip
 import json
 import os
 import re
-import warnings
 import zlib
+from array import array
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from itertools import islice
+from itertools import islice, zip_longest
 from os import PathLike, fspath
-from typing import IO, Any
+from typing import IO, Any, NamedTuple
 
 import numpy as np
 
-from steer_env.recording.table import Column, Table, Values, column, label, time_place
-from steer_env.recording.units import parse_unit
+from steer_env.recording.table import Column, Table, Values, column, gaps, label, time_place
 
 COMPRESSED = ".csv.gz"  # end of the name of a file that gzip has made smaller, which is read only
 LONGEST_PREAMBLE = 50  # lines of a file among which its header is
@@ -49,7 +49,7 @@ def head(channels: Sequence[tuple[str, str]], meta: Mapping[str, Any]) -> bytes:
     header = ["time_s"]
     for name, unit in channels:
         header.append(label(name, unit))
-        if len(name.splitlines()) != 1 or re.search("[,;\t]", name) or header[-1] != _bare(header[-1]):
+        if len(name.splitlines()) != 1 or re.search("[,;\t]", name) or [header[-1]] != _cells(header[-1], ","):
             raise ValueError(f"channel {name!r} in {unit!r} cannot be a column: rename the channel")
     lines = [f"# {key}: {_meta_text(value)}\n" for key, value in meta.items()]
     return ("".join(lines) + ",".join(header) + "\n").encode()
@@ -64,163 +64,161 @@ def _undamaged() -> Iterator[None]:
         raise ValueError(f"cannot be unpacked by gzip ({error}); is it complete?") from None
 
 
+class _Layout(NamedTuple):
+    """The parts of a file."""
+
+    columns: list[Column]
+    separator: str
+    start: int  # index of the line from which on there are rows
+    heads: set[int]  # indices of the lines with the header and the units
+
+
 @_undamaged()
 def open_table(path: str | PathLike[str]) -> Table:
     """Read the header and the meta; the table's ``load`` reads the rows."""
     encoding = _encoding(path)
-    meta: dict[str, Any] = {}
-    comments: list[str] = []
     with _text(path, encoding) as file:
         lines = _decoded(file)
-        top: list[str] = []  # the lines up to the header
-        for header in lines:
-            top.append(header)
-            if header.strip() and not header.startswith("#"):
+        top: list[str] = []  # the lines up to the first one that is no comment, and some more
+        for line in lines:
+            top.append(line)
+            if line.strip() and line[0] != "#":
                 break
-            key, colon, value = (part.strip() for part in header[1:].partition(":"))
-            if colon and key:
-                meta[key] = _meta_value(value)
-            elif header[1:].strip():
-                comments.append(header[1:].strip())
         else:
             raise ValueError("no header: expected a line that names the columns, time_s or Time [s] among them")
-        first = len(top)
-        top += islice(lines, max(LONGEST_PREAMBLE - first, 0) + 2)
+        first = len(top) - 1
+        top += islice(lines, LONGEST_PREAMBLE)
     if _CONTROL.search("".join(top)):
         raise ValueError("no table: it begins with bytes that are no text (UTF-8, UTF-16 with its mark, or Latin-1)")
-    place, above, separator, columns = _header(top, first - 1)
-    comments += [line.lstrip("#").strip() for line in top[first - 1 : place] if line.strip()]
+    layout = _layout(top, first)
+    meta: dict[str, Any] = {}
+    comments: list[str] = []
+    for line in (line for k, line in enumerate(top[: layout.start]) if k not in layout.heads):
+        key, colon, value = (part.strip() for part in line.removeprefix("#").partition(":"))
+        if line[0] == "#" and colon and key:
+            meta[key] = _meta_value(value)
+        elif text := line.lstrip("#").strip():
+            comments.append(text)
     if comments:
         meta["comment"] = "\n".join([*str(meta.get("comment", "")).splitlines(), *comments])
-
     torn = meta.get(APPENDED) is True and not _ends(path)
     if torn:
         meta["torn"] = "the last line"
+    repeated = {top[k].strip() for k in layout.heads}
 
+    @_undamaged()
     def load(places: Sequence[int]) -> list[Values]:
-        return _load(path, encoding, above, separator, columns, places, torn)
+        with _text(path, encoding) as file:
+            lines = _complete(file) if torn else _decoded(file)
+            return _load(lines, layout, repeated, places, meta)
 
-    return Table(columns, meta, True, load)
+    return Table(layout.columns, meta, True, load)
 
 
-def _header(top: list[str], first: int) -> tuple[int, int, str, list[Column]]:
-    """Index of the header, the number of lines above the rows, the separator and the columns.
+def _layout(top: list[str], first: int) -> _Layout:
+    """Where the header is, and the units and the rows below it.
 
     The header is the line of index ``first``, which is the first one that is no comment. It may come later, below a
-    preamble, if it names a time and has a row of numbers under it.
+    preamble, if it has a row of numbers under it, and names a time where several lines have. Where the first line is
+    such a row, the header may be one of the comments.
     """
-    for place in [*range(first, min(len(top), LONGEST_PREAMBLE)), first]:
-        separator, columns = _columns(top[place])
-        above = place + 1
-        units = _row_of_units(top[above], separator, len(columns)) if above < len(top) else []
-        if units:
-            above += 1
-            columns = [_with_unit(*pair, above) for pair in zip(columns, units)]
-        texts = len(columns) > 1 and not any(_is_number(entry.label) for entry in columns)
-        if texts and time_place(columns) is not None and _is_row("".join(top[above : above + 1]), separator, columns):
-            break
-    return place, above, separator, columns
+    among = range(0 if _has_number(top[first]) else first, len(top))
+    places = [first, *(k for k in among if k != first and not _has_number(top[k]))]
+    layout = max((_layout_at(top, k, k < first) for k in places), key=lambda pair: pair[0])[1]
+    if len(layout.columns) == 1 and time_place(layout.columns) is None:
+        text = "separate columns by , or ; or tabs, and name a time in the header, time_s or Time [s]"
+        raise ValueError(f"no time among the columns {layout.columns[0].label}: {text}")
+    return layout
 
 
-def _columns(header: str) -> tuple[str, list[Column]]:
-    """The separator of a header, and its columns."""
-    separator = next((s for s in (";", "\t") if s in header), ",")
-    columns = [column(cell) for cell in _cells(header, separator)]
-    if len(columns) > 1 and not columns[-1].label:  # every line ends with a separator
-        columns.pop()
-    return separator, columns
+def _layout_at(top: list[str], place: int, commented: bool) -> tuple[int, _Layout]:
+    """The parts of a file whose header is the line of an index, and how likely that is: 2, with a time, to 0."""
+    separator = _separator(top[place])
+    names = _cells(top[place], separator)
+    while len(names) > 1 and not names[-1]:  # every line ends with separators
+        names.pop()
+    below = [k for k in range(place + 1, len(top)) if top[k].strip() and (commented or top[k][0] != "#")]
+    columns, heads = [column(name) for name in names], {place}
+    if below and (united := _with_units(columns, _cells(top[below[0]], separator), below[0] + 1)):
+        columns = united
+        heads.add(below.pop(0))
+    layout = _Layout(columns, separator, below[0] if below else len(top), heads)
+    row, time = _cells(top[below[0]], separator) if below else [], time_place(columns)
+    if len(names) < 2 or len(row) < len(names) or any(row[len(names) :]):
+        return 0, layout
+    if time is not None:
+        return 2 * _is_number(row[time]), layout
+    return int(any(row) and all(not cell or _is_number(cell) for cell in row)), layout
 
 
-def _row_of_units(line: str, separator: str, count: int) -> list[str]:
-    """The units in the line under the header; empty unless every cell is one, or none, and one at least is known."""
-    cells = _cells(line, separator)[:count]
+def _has_number(line: str) -> bool:
+    return any(map(_is_number, _cells(line, _separator(line))))
+
+
+def _separator(line: str) -> str:
+    return next((mark for mark in (";", "\t") if mark in line), ",")
+
+
+def _with_units(columns: list[Column], cells: list[str], line: int) -> list[Column]:
+    """The columns with the units of the line under the header; none where that has other things than units.
+
+    ValueError where the header names another unit in brackets.
+    """
     units = [cell[1:-1].strip() if cell[:1] + cell[-1:] in ("[]", "()") else cell for cell in cells]
-    numbers = any(_is_number(cell) and cell != "1" for cell in cells)
-    if len(units) == count and not numbers and any(parse_unit(unit) and unit != "1" for unit in units):
-        return units
-    return []
+    if any(_is_number(unit) and unit != "1" for unit in units):
+        return []
+    found = [column(each.label, unit) if unit else each for each, unit in zip_longest(columns, units[: len(columns)])]
+    if not any(each.known and unit not in ("", "1") for each, unit in zip(found, units)):
+        return []
+    for k, (named, apart) in enumerate(zip(columns, found)):
+        if named.unit is not None and named.known == apart.known:
+            found[k] = named
+        elif named.declares_unit and named is not apart:
+            text = f"the row of units says {apart.unit!r}, the header says {named.unit!r}: correct one of them"
+            raise ValueError(f"line {line}, column {named.label!r}: {text}")
+    return found
 
 
-def _with_unit(named: Column, unit: str, line: int) -> Column:
-    """A column with the unit of the row under the header; ValueError where the header names another in brackets."""
-    if not unit or (named.unit is not None and parse_unit(named.unit) == parse_unit(unit)):
-        return named
-    if named.declares_unit:
-        text = f"the row of units says {unit!r}, the header says {named.unit!r}: correct one of them"
-        raise ValueError(f"line {line}, column {named.label!r}: {text}")
-    return Column(named.label, named.label, unit)  # what looked like a unit at the end is part of the name
-
-
-@_undamaged()
 def _load(
-    path: Any, encoding: str, above: int, separator: str, columns: list[Column], places: Sequence[int], torn: bool
+    lines: Iterator[str], layout: _Layout, repeated: set[str], places: Sequence[int], meta: dict[str, Any]
 ) -> list[Values]:
-    """The columns at the indices ``places``, the first of which is the time, without a last line that is ``torn``.
+    """The columns at the indices ``places``, the first of which is the time, without headers that are ``repeated``.
 
-    A file that the fast reader refuses is read again slowly, to find the place of the error.
+    A text without a digit, or one with the # of Windows and spreadsheets (1.#QNAN, #NV), stands for no value.
     """
-    with _text(path, encoding) as file, warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # a file without rows
-        rows = _complete(file) if torn else _decoded(file)
-        lines = _whole(_numerals(islice(rows, above, None), separator), separator, len(columns))
-        try:
-            table = np.loadtxt(lines, delimiter=separator, comments=None, usecols=places, ndmin=2).T
-        except ValueError:
-            return _load_slowly(path, encoding, above, separator, columns, places, torn)
-    if table.size and table.shape[1] > 1 and np.all(np.diff(table[0]) > 0):
-        return list(table)
-    return _load_slowly(path, encoding, above, separator, columns, places, torn)
-
-
-def _load_slowly(
-    path: Any, encoding: str, above: int, separator: str, columns: list[Column], places: Sequence[int], torn: bool
-) -> list[Values]:
-    """The columns of :func:`_load`; a ValueError names the line and the column of an error."""
-    rows: list[list[float]] = []
-    labels = [entry.label for entry in columns]
-    number = above
-    with _text(path, encoding) as file:
-        lines = _complete(file) if torn else _decoded(file)
-        for number, text in enumerate(_numerals(islice(lines, above, None), separator), start=above + 1):
-            if not text.strip():
-                continue
-            cells = text.rstrip("\n").split(separator)
-            if len(cells) == len(labels) + 1 and not cells[-1].strip():
-                cells.pop()
-            if len(cells) != len(labels):
-                where = labels[min(len(cells), len(labels) - 1)]
-                raise _unreadable(number, where, f"{len(labels)} values separated by {separator!r}", len(cells))
-            row: list[float] = []
-            for place in places:
-                try:
-                    row.append(float(cells[place].strip() or "nan"))
-                except ValueError:
-                    raise _unreadable(number, labels[place], "a number", cells[place]) from None
-            if not np.isfinite(row[0]) or (rows and row[0] <= rows[-1][0]):
-                expected = "a finite time after that of the line before"
-                raise _unreadable(number, labels[places[0]], expected, cells[places[0]])
-            rows.append(row)
-    if len(rows) < 2:
-        raise _unreadable(number + 1, labels[places[0]], "at least two rows", len(rows))
-    return list(np.array(rows).T)
-
-
-def _numerals(lines: Iterator[str], separator: str) -> Iterator[str]:
-    """Lines in which decimal commas are replaced by points."""
-    return lines if separator == "," else (line.replace(",", ".") for line in lines)
-
-
-def _whole(lines: Iterator[str], separator: str, count: int) -> Iterator[str]:
-    """Lines that are not blank, with NaN in empty cells; ValueError for a line with a wrong number of cells."""
-    empty = re.compile(rf"(?<![^{separator}])(?={separator}|\s*$)")
-    twice, ends = 2 * separator, (separator, separator + "\n")
-    for line in lines:
-        extra = line.count(separator) + 1 - count
-        if extra == 0 or (extra == 1 and line.rstrip(" \n").endswith(separator)):
-            # This test is faster than the regular expression.
-            yield empty.sub("nan", line) if twice in line or line.startswith(separator) or line.endswith(ends) else line
-        elif line.strip():
-            raise ValueError(f"{count + extra} cells")
+    labels, blank = [each.label for each in layout.columns], f'{layout.separator}" \t\r\n'
+    columns = [array("d") for _ in places]
+    codes: list[dict[str, list[int]]] = [{} for _ in places]  # texts in place of numbers, and in which rows
+    found: dict[int, Values] = {}
+    number, latest = 0, -np.inf
+    for number, line in enumerate(lines, start=1):
+        if number <= layout.start or not line.strip(blank) or line[0] == "#" or line.strip() in repeated:
+            continue
+        row = _cells(line if layout.separator == "," else line.replace(",", "."), layout.separator)
+        if len(row) < len(labels) or any(row[len(labels) :]):
+            where = labels[min(len(row), len(labels) - 1)]
+            raise _unreadable(number, where, f"{len(labels)} values separated by {layout.separator!r}", len(row))
+        for values, place, texts in zip(columns, places, codes):
+            try:
+                values.append(float(row[place] or "nan"))
+            except ValueError:
+                texts.setdefault(row[place], []).append(len(values))
+                values.append(np.nan)
+                if re.search(r"\d", row[place]) and "#" not in row[place]:
+                    found.setdefault(place, f"has {row[place]!r} in line {number}, which is no number")
+        if not latest <= columns[0][-1] < np.inf:
+            found[places[0]] = f"has {row[places[0]]!r} in line {number}, which is no finite time that does not go back"
+            break
+        latest = columns[0][-1]
+    if len(columns[0]) < 2 and not found:
+        raise _unreadable(number + 1, labels[places[0]], "at least two rows", len(columns[0]))
+    for samples, place, texts in zip(map(np.array, columns), places, codes):
+        if texts and np.isnan(samples).all():
+            found.setdefault(place, f"holds no numbers but {', '.join(map(repr, islice(texts, 3)))}")
+        if place not in found:
+            masks = {text: np.isin(np.arange(samples.size), rows) for text, rows in texts.items()}
+            found[place] = gaps(meta, labels[place], samples, masks)
+    return [found[place] for place in places]
 
 
 def _unreadable(line: int, place: int | str, expected: str, got: object) -> ValueError:
@@ -275,8 +273,12 @@ def _ends(path: Any) -> bool:
 
 
 def _cells(line: str, separator: str) -> list[str]:
-    """The cells of a line without what is around them."""
-    return [_bare(cell) for cell in line.rstrip("\n").split(separator)]
+    """The cells of a line, or of a comment, without spaces and quotation marks around them."""
+    text = line.removeprefix("#").strip(" \r\n")
+    cells = text.split(separator)
+    if '"' in text and len(text) < csv.field_size_limit():  # unless it is a comment as long as a book
+        cells = next(csv.reader([text], delimiter=separator, skipinitialspace=True))
+    return [cell.strip() for cell in cells]
 
 
 def _is_number(cell: str) -> bool:
@@ -285,18 +287,6 @@ def _is_number(cell: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _is_row(line: str, separator: str, columns: Sequence[Column]) -> bool:
-    """Whether a line has a number or nothing in every column."""
-    cells, count = _cells(line, separator), len(columns)
-    return cells[count:] in ([], [""]) and len(cells) >= count and all(not cell or _is_number(cell) for cell in cells)
-
-
-def _bare(cell: str) -> str:
-    """A header's cell without spaces and quotation marks around it."""
-    cell = cell.strip()
-    return cell[1:-1].strip() if len(cell) > 1 and cell[0] == cell[-1] == '"' else cell
 
 
 def _meta_value(text: str) -> Any:

@@ -18,7 +18,7 @@ from steer_env.recording import can_log, csv_file, mat_file, mdf_file, parquet_f
 from steer_env.recording import channel_mapping as mappings
 from steer_env.recording.channel_mapping import KNOWN, Entry, Mapping, did_you_mean
 from steer_env.recording.recording import Recording
-from steer_env.recording.table import Column, Table, Values, named_time, time_place
+from steer_env.recording.table import Column, Table, Values, last_of_stamp, time_place
 from steer_env.recording.units import COUNTS, FILE_UNITS, SPELLINGS, parse_unit, spellings
 
 # Suffix -> module with `save` and `open_table`, which returns a table.Table; can_log has no `save`.
@@ -37,10 +37,11 @@ class _Choice(NamedTuple):
     """A column that is read, and how."""
 
     place: int  # index among the file's columns
-    name: str  # name of the channel
+    column: Column
     unit: str  # unit in memory
     size: float  # value in memory of one unit of the file [unit in memory]
     entry: Entry
+    assumed: bool = False  # whether it is the time by its name and in seconds, as nothing says a unit
 
 
 def read(
@@ -55,8 +56,10 @@ def read(
     (``channel_mapping.KNOWN``). If the mapping names no channel, all channels with a known unit are read, and the meta
     key ``not_read`` lists the others. A channel without any value is left out and listed there, too; the meta key
     ``uncalibrated`` lists those in counts. A column called time or t without a unit is in seconds, which the meta key
-    ``seconds_assumed`` tells. Where the mapping gives a channel a delay, all channels are trimmed to the
-    time that remains. An old name of a channel is replaced, and a line on standard error says so.
+    ``seconds_assumed`` tells. What is no value is a gap, which ``no_value`` counts; of samples that share a time stamp
+    the last is kept, and ``doubled_stamps`` counts the others (:mod:`steer_env.recording.table`). Where the mapping
+    gives a channel a delay, all channels are trimmed to the time that remains. An old name of a channel is replaced,
+    and a line on standard error says so.
 
     Parameters
     ----------
@@ -79,36 +82,39 @@ def read(
         mapping = Mapping() if mapping is None else mappings.load(mapping)
     try:
         table = opened(path, can, [entry.column for entry in mapping.channels.values()])
-        time = [_time(table.columns, mapping)] if table.timed else []
         if "time" in mapping.channels and not table.timed:
             raise ValueError("this format has a time base of its own: remove [channels.time] from the mapping")
-        choices, left = _choose(table.columns, mapping, [choice.place for choice in time])
-        loaded = table.load([choice.place for choice in time + choices])
-        instants = _instants(table.columns, time[0], loaded[0]) if time else loaded[0]
-        assumed = [table.columns[k.place].label for k in time if _assumed(table.columns[k.place], k.entry)]
+        time = [_time(table.columns, mapping)] if table.timed else []
+        choices, left = _choose(table.columns, mapping, time)
+        instants, *loaded = table.load([choice.place for choice in time + choices])
+        for choice in time:
+            instants = _instants(choice, instants)
+            kept = last_of_stamp(table.meta, choice.column.label, instants)
+            instants, loaded = instants[kept], [v if isinstance(v, str) else v[kept] for v in loaded]
         channels, units = {}, {}
-        for choice, values in zip(choices, loaded[1:]):
-            if isinstance(values, str) and choice.name not in {**KNOWN, **mapping.channels}:
-                left.append(table.columns[choice.place].label)
-                continue
-            raw = _samples(table.columns, choice, values)
-            if np.isnan(raw).all():
-                left.append(f"{table.columns[choice.place].label} (no values)")
-                continue
-            channels[choice.name] = _value(choice, raw)
-            units[choice.name] = choice.unit
+        for choice, values in zip(choices, loaded):
+            name, label = choice.entry.name, choice.column.label
+            if isinstance(values, str):
+                if name in KNOWN or name in mapping.channels:
+                    raise ValueError(f"column {label!r}, wanted as {name}, {values}")
+                left.append(label)
+            elif np.isnan(values).all():
+                left.append(f"{label} (no values)")
+            else:
+                channels[name], units[name] = _value(choice, values), choice.unit
         if left and not channels:
             raise ValueError(
                 f"none of the columns {_listed(left)} can be read: each needs numbers and a unit ({SPELLINGS}); "
                 "name those that are wanted, and their units, in a mapping"
             )
         uncalibrated = [name for name, unit in units.items() if unit == COUNTS]
+        assumed = [choice.column.label for choice in time if choice.assumed]
         told = {"not_read": _listed(left), "uncalibrated": _listed(uncalibrated), "seconds_assumed": _listed(assumed)}
         meta = {**table.meta, **{key: text for key, text in told.items() if text}, **mapping.meta}
         recording = Recording(np.asarray(instants), channels, units, meta)
         for choice in choices:
-            if choice.entry.delay and choice.name in channels:
-                recording = recording.delayed(choice.name, -choice.entry.delay)
+            if choice.entry.delay and choice.entry.name in channels:
+                recording = recording.delayed(choice.entry.name, -choice.entry.delay)
         return recording
     except ValueError as error:
         raise ValueError(f"{_place(path, can)}: {error}") from None
@@ -200,78 +206,60 @@ def _format(path: str | os.PathLike[str]) -> Any:
 
 def _time(columns: list[Column], mapping: Mapping) -> _Choice:
     """The column of the time: that of the mapping, else one called time or t, else the first if it is in seconds."""
-    entry = mapping.channels.get("time")
-    if entry is not None:
-        place: int | None = _find(columns, entry)
-    else:
-        place = time_place(columns)
+    if "time" in mapping.channels:
+        return _choice(columns, mapping.channels["time"], "s")
+    place = time_place(columns)
     if place is None:
-        labels = [column.label for column in columns]
-        hint = " (only one column: separate columns by , or ; or tabs)" if len(columns) == 1 else ""
         raise ValueError(
-            f"no time among the columns {_listed(labels)}{hint}: expected time_s or Time [s], "
+            f"no time among the columns {_listed([column.label for column in columns])}: expected time_s or Time [s], "
             'or a mapping with [channels.time] from = "...", unit = "s"'
         )
-    entry = entry or Entry("time", columns[place].label, None)
-    if _assumed(columns[place], entry):
-        return _Choice(place, "time", "s", 1.0, entry)
-    return _choice(columns, place, entry, "s")
+    return _choice(columns, Entry("time", columns[place].label, None), "s", place)
 
 
-def _assumed(column: Column, entry: Entry) -> bool:
-    """Whether a column is the time by its name, and neither the file nor the mapping says a unit."""
-    return named_time(column) and column.unit is None and entry.unit is None
-
-
-def _instants(columns: list[Column], choice: _Choice, values: Values) -> np.ndarray:
+def _instants(choice: _Choice, values: Values) -> np.ndarray:
     """The samples of the time [s]; ValueError for one without a unit whose steps are too long for seconds."""
-    instants = _samples(columns, choice, values) * choice.size
-    column = columns[choice.place]
-    if _assumed(column, choice.entry):
+    label = choice.column.label
+    if isinstance(values, str):
+        raise ValueError(f"column {label!r}, wanted as time, {values}")
+    instants = values * choice.size
+    if choice.assumed:
         step = float(np.median(np.diff(instants)))
         if not step <= LONGEST_STEP:
             raise ValueError(
-                f"column {column.label!r} names no unit, and its steps of {step:g} are too long for seconds: give its "
-                f'unit in a mapping, [channels.time] from = "{column.label}", unit = "ms" (or "us", "s")'
+                f"column {label!r} names no unit, and its steps of {step:g} are too long for seconds: give its "
+                f'unit in a mapping, [channels.time] from = "{label}", unit = "ms" (or "us", "s")'
             )
     return instants
 
 
-def _choose(columns: list[Column], mapping: Mapping, used: list[int]) -> tuple[list[_Choice], list[str]]:
-    """The columns to read, and the labels of those that are left out because of their unit.
-
-    The columns ``used`` (indices) are already taken.
-    """
-    mapped = [
-        _choice(columns, _find(columns, entry), entry, KNOWN.get(name))
-        for name, entry in mapping.channels.items()
-        if name != "time"
-    ]
-    by_name = {choice.name: choice for choice in mapped}
-    used = used + [choice.place for choice in mapped]
+def _choose(columns: list[Column], mapping: Mapping, time: list[_Choice]) -> tuple[list[_Choice], list[str]]:
+    """The columns to read beside the time, and the labels of those that are left out because of their unit."""
+    mapped = [_choice(columns, entry, KNOWN.get(name)) for name, entry in mapping.channels.items() if name != "time"]
+    by_name = {choice.entry.name: choice for choice in mapped}
+    used = [choice.place for choice in time + mapped]
     left = []
     for place, column in enumerate(columns):
         name = column.name
         known = name in KNOWN
         if place in used or name in mapping.channels or (mapped and not known):
             continue
-        if not known and (name == "time" or parse_unit(column.unit or "") is None):
+        if not known and (name == "time" or column.known is None):
             left.append(column.label)
             continue
         if name in by_name:
-            twice = [columns[by_name[name].place].label, column.label]
+            twice = [by_name[name].column.label, column.label]
             raise ValueError(f"{twice[0]!r} and {twice[1]!r} are both {name!r}: name one of them in a mapping")
-        by_name[name] = _choice(columns, place, Entry(name, column.label, None))
+        by_name[name] = _choice(columns, Entry(name, column.label, None), None, place)
     return list(by_name.values()), left
 
 
-def _find(columns: list[Column], entry: Entry) -> int:
+def _find(columns: list[Column], entry: Entry, unit: tuple[str, float] | None) -> int:
     """The index of an entry's column, found by its label or else by its name without the unit."""
     for texts in ([column.label for column in columns], [column.name for column in columns]):
         places = [place for place, text in enumerate(texts) if text == entry.column]
-        if len(places) > 1 and entry.unit is not None:
-            wanted = parse_unit(entry.unit)
-            places = [k for k in places if parse_unit(columns[k].unit or "") == wanted] or places
+        if len(places) > 1 and unit is not None:
+            places = [place for place in places if columns[place].known == unit] or places
         if len(places) == 1:
             return places[0]
         if places:
@@ -283,11 +271,14 @@ def _find(columns: list[Column], entry: Entry) -> int:
     raise ValueError(f"no channel {entry.source!r} for {entry.name}; {did_you_mean(entry.source, names)}")
 
 
-def _choice(columns: list[Column], place: int, entry: Entry, expected: str | None = None) -> _Choice:
+def _choice(columns: list[Column], entry: Entry, expected: str | None, place: int | None = None) -> _Choice:
     """A column for an entry; ValueError unless its unit is known and is ``expected`` in memory."""
+    given = None if entry.unit is None else parse_unit(entry.unit)
+    place = _find(columns, entry, given) if place is None else place
     column = columns[place]
-    text = column.unit if entry.unit is None else entry.unit
-    found = parse_unit(text or "")
+    if column.is_time and expected == "s" and column.unit is None and entry.unit is None:
+        return _Choice(place, column, "s", 1.0, entry, assumed=True)
+    text, found = (column.unit, column.known) if entry.unit is None else (entry.unit, given)
     remedy = f'[channels.{entry.name}] from = "{column.label}", unit = "..."'
     if found is None:
         problem = "names no unit" if not text else f"has the unit {text!r}, which is not known"
@@ -297,13 +288,12 @@ def _choice(columns: list[Column], place: int, entry: Entry, expected: str | Non
         raise ValueError(
             f"column {column.label!r} is in {text!r}, {entry.name} needs {expected!r}: correct it, {remedy}"
         )
-    own = parse_unit(column.unit or "")
-    if own and own[0] != found[0] and column.declares_unit:
+    if column.known and column.known[0] != found[0] and column.declares_unit:
         raise ValueError(
             f"column {column.label!r} is in {column.unit!r} by the file, but in {text!r} by the mapping: these are of "
             f"different quantities; map another column to {entry.name}, or correct the unit in the file"
         )
-    return _Choice(place, entry.name, *found, entry)
+    return _Choice(place, column, *found, entry)
 
 
 def _value(choice: _Choice, raw: np.ndarray) -> np.ndarray:
@@ -311,13 +301,6 @@ def _value(choice: _Choice, raw: np.ndarray) -> np.ndarray:
     entry = choice.entry
     with np.errstate(over="ignore", invalid="ignore"):  # refused by who reads a number from it, see require_moderate
         return entry.sign * ((raw - entry.offset) * (entry.scale * choice.size))
-
-
-def _samples(columns: list[Column], choice: _Choice, values: Values) -> np.ndarray:
-    """The samples; ValueError with the reason if there are none."""
-    if isinstance(values, str):
-        raise ValueError(f"column {columns[choice.place].label!r}, wanted as {choice.name}, {values}")
-    return values
 
 
 def _listed(labels: list[str]) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from steer_env.recording import can_log, files, friction_record
 from steer_env.recording.table import Column, Table, Values, time_place
-from steer_env.recording.units import file_unit, parse_unit
+from steer_env.recording.units import file_unit
 
 HEAD = """\
 # How to read {name}.
@@ -103,7 +103,7 @@ def _block(
 
     A column without a unit is no guess, as another quantity or a sensor's counts may stand in it.
     """
-    own = _spelled(offered[0]) if offered and parse_unit(offered[0].unit or "") else None
+    own = _spelled(offered[0]) if offered and offered[0].known else None
     off = "" if own and (name == "time" or _likeness(offered[0], name) >= CLEAR) else "# "
     lines = [f"{'# ' if k else off}from = {_quoted(entry.label)}  # {found[entry]}" for k, entry in enumerate(offered)]
     lines = [f"{off}[channels.{name}]", *(lines or ['# from = ""'])]
@@ -145,7 +145,7 @@ def _offered(columns: list[Column], channels: Mapping[str, tuple[str, ...]]) -> 
     """
     ranked: dict[str, list[tuple[float, Column]]] = {name: [] for name in channels}
     for column in columns:
-        known = parse_unit(column.unit or "")
+        known = column.known
         fitting = [name for name, units in channels.items() if known is None or known[0] in units]
         alike = {name: _likeness(column, name) for name in fitting}
         best = max(alike, key=lambda name: alike[name], default=None)
@@ -172,7 +172,11 @@ def _spelled(column: Column) -> str | None:
 def _values(table: Table) -> list[Values]:
     """The samples of every column."""
     every = range(len(table.columns))
-    return table.load(every) if table.timed else table.load(every)[1:]
+    if not table.timed:
+        return table.load(every)[1:]
+    time_first = sorted(every, key=lambda place: place != time_place(table.columns))
+    loaded = dict(zip(time_first, table.load(time_first)))
+    return [loaded[place] for place in every]
 
 
 def _told(column: Column, values: Values) -> str:

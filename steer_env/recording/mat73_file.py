@@ -1,6 +1,5 @@
 """What MATLAB v7.3 files hold, which are HDF5, with the package h5py: numbers, text and structures of these."""
 
-import importlib.util
 import os
 from os import PathLike
 from typing import Any
@@ -28,10 +27,7 @@ def content(path: str | PathLike[str]) -> dict[str, Any]:
     ValueError
         Without h5py, with the command that installs it; or if the file is damaged.
     """
-    if importlib.util.find_spec("h5py") is None:
-        raise ValueError(
-            "MATLAB v7.3 files need the package h5py: pip install '.[hdf5]'; or in MATLAB save(name, '-v7')"
-        )
+    own_process.require("h5py", "MATLAB v7.3", "hdf5")
     return own_process.read("a MATLAB v7.3 file", _read, os.fspath(path))
 
 
@@ -43,7 +39,7 @@ def _read(path: str) -> dict[str, Any]:
 
 
 def _variables(group: Any, dataset: Any) -> dict[str, Any]:
-    """The entries of a group except references, cells and what MATLAB keeps for itself."""
+    """The entries of a group except what MATLAB keeps for itself."""
     found: dict[str, Any] = {}
     for name, entry in group.items():
         if name.startswith("#") or "MATLAB_empty" in entry.attrs:
@@ -52,6 +48,6 @@ def _variables(group: Any, dataset: Any) -> dict[str, Any]:
             found[name] = _variables(entry, dataset)
         elif entry.attrs.get("MATLAB_class") == b"char":
             found[name] = bytes(np.asarray(entry).T.astype("<u2")).decode("utf-16-le")
-        elif entry.dtype.kind in "fiub":
+        elif entry.dtype.kind in "fiubO":  # O for cells, which are listed and not read
             found[name] = np.squeeze(np.asarray(entry))
     return found

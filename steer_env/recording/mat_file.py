@@ -14,7 +14,7 @@ from typing import IO, Any
 import numpy as np
 
 from steer_env.recording import mat73_file, own_process
-from steer_env.recording.table import Table, Values, column, label
+from steer_env.recording.table import Table, Values, column, gaps, label, meta_in
 
 LONGEST_NAME = 63  # longest name of a MATLAB variable [characters]
 
@@ -43,14 +43,14 @@ def open_table(path: str | PathLike[str]) -> Table:
     content = {name: value for name, value in content.items() if not name.startswith("__")}
     while len(content) == 1 and isinstance(next(iter(content.values())), dict):
         content = next(iter(content.values()))
-    vectors = dict(_vectors(content, ""))
+    vectors = list(_vectors(content, ""))
+    meta = meta_in(content.get("meta"))
 
     def load(places: Sequence[int]) -> list[Values]:
-        chosen = [list(vectors.values())[place] for place in places]
-        size = chosen[0].size
-        return [v.astype(float) if v.size == size else f"has {v.size} samples, time has {size}" for v in chosen]
+        size = vectors[places[0]][1].size
+        return [_samples(meta, *vectors[place], size) for place in places]
 
-    return Table([column(name) for name in vectors], _meta(content.get("meta")), True, load)
+    return Table([column(name) for name, _ in vectors], meta, True, load)
 
 
 def _before_73(path: str) -> dict[str, Any]:
@@ -61,21 +61,20 @@ def _before_73(path: str) -> dict[str, Any]:
     return found
 
 
+def _samples(meta: dict[str, Any], name: str, values: np.ndarray, size: int) -> Values:
+    if values.dtype.kind not in "fiub":
+        return "holds no plain numbers"
+    return (
+        gaps(meta, name, values.astype(float)) if values.size == size else f"has {values.size} samples, time has {size}"
+    )
+
+
 def _vectors(content: dict[str, Any], above: str) -> list[tuple[str, np.ndarray]]:
-    """Name and values of every vector of numbers, ``above`` being the joined names of the structures around it."""
+    """Name and values of every vector, ``above`` being the joined names of the structures around it."""
     found = []
     for name, value in content.items():
         if isinstance(value, dict):
             found += _vectors(value, f"{above}{name}.")
-        elif isinstance(value, np.ndarray) and value.ndim == 1 and value.size > 1 and value.dtype.kind in "fiub":
+        elif isinstance(value, np.ndarray) and value.ndim == 1 and value.size > 1:
             found.append((above + name, value))
     return found
-
-
-def _meta(text: Any) -> dict[str, Any]:
-    """The meta, which is empty if the text is not that of a recording."""
-    try:
-        meta = json.loads(text)
-    except (TypeError, ValueError, RecursionError):
-        return {}
-    return meta if isinstance(meta, dict) else {}

@@ -2,26 +2,50 @@
 
 A file from another program may sample its channels at different instants. The time of the recording is that of the
 channel with the most samples, within the time that all channels cover; the other channels are interpolated linearly. A
-channel has a gap where it lacks samples (a step longer than 1.5 times its median step) or marks them as invalid.
+channel has a gap where it lacks samples (a step longer than 1.5 times its median step), marks them as invalid, or has a
+text in place of a number.
+
+Samples are taken raw, and their conversions are evaluated here where asammdf 8.8 gives other values than the file
+says: algebraic ones (what ``numexpr`` cannot read stays raw without sympy, and ``^`` is the exclusive or of whole
+numbers), ranges of whole numbers, and tables of texts, whose keys it rounds to whole numbers.
 """
 
-import importlib.util
+import ast
 import json
 import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from itertools import count, takewhile
 from os import PathLike
-from typing import IO, Any, NamedTuple
+from types import SimpleNamespace
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from steer_env.recording import own_process
 from steer_env.recording.recording import interpolated
-from steer_env.recording.table import Column, Table, Values, column
+from steer_env.recording.table import Column, Table, Values, column, gaps, last_of_stamp, meta_in
 from steer_env.recording.units import file_unit
 
 TIME = 1  # sync type of a master channel that is the time; other types are angle, distance and index
-KIND, MISSING = "an MDF file", "MDF files need the package asammdf: pip install '.[mdf]'"
+KIND = "an MDF file"
+
+# What a formula of an algebraic conversion may hold, with ^ for powers. A log is refused: numexpr takes it for natural,
+# ASAM for decimal.
+OPERATORS: dict[type, Any] = {
+    ast.Add: np.add,
+    ast.Sub: np.subtract,
+    ast.Mult: np.multiply,
+    ast.Div: np.divide,
+    ast.Pow: np.power,
+    ast.USub: np.negative,
+    ast.UAdd: np.positive,
+}
+FUNCTIONS: dict[str, Any] = {
+    **{each.__name__: each for each in (np.sqrt, np.exp, np.log10, np.sin, np.cos, np.tan, np.sinh, np.cosh, np.tanh)},
+    **{each.__name__: each for each in (np.arcsin, np.arccos, np.arctan)},
+    **{"abs": np.abs, "ln": np.log, "pow": np.power, "asin": np.arcsin, "acos": np.arccos, "atan": np.arctan},
+}
 
 Place = tuple[None, int, int]  # of a channel: any name, group and index
 
@@ -29,16 +53,16 @@ Place = tuple[None, int, int]  # of a channel: any name, group and index
 class Signal(NamedTuple):
     """A channel as the file holds it."""
 
-    samples: np.ndarray  # (N,) of numbers; text and arrays are not read
+    samples: np.ndarray | str  # (N,) of physical values, or why there are none
     timestamps: np.ndarray  # (N,) [s]
-    invalid: np.ndarray | None  # (N,) whether a sample is invalid
+    codes: dict[str, np.ndarray]  # why samples are no values -> which (N,)
 
 
-def save(
-    file: IO[bytes], time: np.ndarray, channels: list[tuple[str, str, np.ndarray]], meta: Mapping[str, Any]
-) -> None:
+def save(file: Any, time: np.ndarray, channels: list[tuple[str, str, np.ndarray]], meta: Mapping[str, Any]) -> None:
     """Write the channels (name, unit in memory, values in file units) in double precision."""
-    asammdf = _asammdf()
+    own_process.require("asammdf", "MDF", "mdf")
+    import asammdf  # here, because it is an extra and slow to import
+
     if not channels:
         raise ValueError("a recording without channels cannot be an MDF file: write .csv")
     with asammdf.MDF(version="4.10") as mdf:
@@ -53,14 +77,13 @@ def open_table(path: str | PathLike[str]) -> Table:
 
     The label of a channel whose name occurs in several groups contains the number of its group.
     """
-    if importlib.util.find_spec("asammdf") is None:
-        raise ValueError(MISSING)
+    own_process.require("asammdf", "MDF", "mdf")
     file = os.fspath(path)
     columns, places, meta = own_process.read(KIND, _contents, file)
 
     def load(chosen: Sequence[int]) -> list[Values]:
         signals = own_process.read(KIND, _signals, file, [places[k] for k in chosen]) if chosen else []
-        return _on_one_time([columns[k].label for k in chosen], signals)
+        return _on_one_time(meta, [columns[k].label for k in chosen], signals)
 
     return Table(columns, meta, False, load)
 
@@ -69,31 +92,122 @@ def _contents(path: str) -> tuple[list[Column], list[Place], dict[str, Any]]:
     """Columns and their places in the file, and the meta."""
     columns: list[Column] = []
     places: list[Place] = []
-    with _asammdf().MDF(path) as mdf:
+    from asammdf import MDF
+
+    with MDF(path) as mdf:
         found = [(group, k, channel) for group in _timed(mdf) for k, channel in _channels(mdf, group)]
         occurrences = Counter(channel.name for _, _, channel in found)
         for group, k, channel in found:
             unit = mdf.get_channel_unit(group=group, index=k)
             name = channel.name if occurrences[channel.name] == 1 else f"{channel.name} (group {group})"
-            columns.append(Column(name, name, unit) if unit else column(name))
+            columns.append(column(name, unit))
             places.append((None, group, k))
-        return columns, places, _meta(mdf.header)
+        return columns, places, meta_in(getattr(mdf.header, "description", None))  # MDF 3 has none
 
 
 def _signals(path: str, places: list[Place]) -> list[Signal]:
-    with _asammdf().MDF(path) as mdf:
-        return [
-            Signal(found.samples, found.timestamps, found.invalidation_bits)
-            for found in mdf.select(places, copy_master=False)
-        ]
+    from asammdf import MDF
+
+    with MDF(path) as mdf:
+        return [_signal(found) for found in mdf.select(places, copy_master=False, raw=True)]
 
 
-def _asammdf() -> Any:
+def _signal(found: Any) -> Signal:
+    """A channel that asammdf has read raw."""
     try:
-        import asammdf  # here, because it is an extra and slow to import
-    except ImportError:
-        raise ValueError(MISSING) from None
-    return asammdf
+        with np.errstate(all="ignore"):
+            samples, codes = _physical(found.samples, found.conversion)
+    except ValueError as error:
+        return Signal(str(error), found.timestamps, {})
+    if found.invalidation_bits is not None:
+        codes = {"marked invalid": np.asarray(found.invalidation_bits, dtype=bool), **codes}
+    return Signal(samples, found.timestamps, codes)
+
+
+def _physical(raw: np.ndarray, conversion: Any) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """The values (N,) of raw samples by a conversion, and which texts stand in place of numbers, (N,) of bool each.
+
+    Raises
+    ------
+    ValueError
+        With what is wrong, if there are no numbers or the conversion cannot be evaluated.
+    """
+    values = raw
+    if raw.ndim == 1 and raw.dtype.kind in "fiub":
+        if formula := getattr(conversion, "formula", ""):
+            return _evaluated(formula, raw.astype(float)), {}
+        if hasattr(conversion, "lower_0") or hasattr(conversion, "val_0"):
+            return _looked_up(raw, conversion)
+        if np.any(np.diff(_each(conversion, "raw")) <= 0):
+            raise ValueError("has a conversion by a table whose raw values do not ascend")
+        values = raw.astype(float)  # in which asammdf computes no power of a byte in a byte
+    if conversion is not None:
+        values = np.asarray(conversion.convert(values))
+    if values.ndim != 1 or values.dtype.kind not in "fiub":
+        raise ValueError("holds no plain numbers")
+    return values.astype(float), {}
+
+
+def _each(conversion: Any, key: str) -> list[Any]:
+    """The numbered entries of a conversion."""
+    names = (f"{key}_{place}" for place in count())
+    return [getattr(conversion, name) for name in takewhile(lambda name: hasattr(conversion, name), names)]
+
+
+def _looked_up(raw: np.ndarray, conversion: Any) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Values and texts as of :func:`_physical` by a table of values or ranges, whose first entry that fits counts.
+
+    The end of a range belongs to it for whole numbers, not for others (ASAM MDF 4, CCBLOCK).
+    """
+    lower = _each(conversion, "lower") or _each(conversion, "val")
+    upper = _each(conversion, "upper") or lower
+    targets = _each(conversion, "phys")
+    targets.append(conversion.default if targets else conversion.referenced_blocks["default_addr"])
+    if len(targets) == 1:
+        targets[:0] = [conversion.referenced_blocks[f"text_{k}"] for k in range(len(lower))]
+    if isinstance(targets[-1], bytes) and b"{X}" in targets[-1]:  # a formula beside texts in MDF 3
+        targets[-1] = SimpleNamespace(formula=targets[-1].decode("latin-1").replace("{X}", "X").split('"')[1])
+    if all(isinstance(target, bytes) for target in targets):
+        raise ValueError("holds texts")
+    chosen = np.full(raw.size, len(lower))
+    for k in reversed(range(len(lower))):
+        ends = raw <= upper[k] if raw.dtype.kind in "iub" else raw < upper[k]
+        chosen[(raw >= lower[k]) & ends | (raw == lower[k])] = k
+    values, codes = np.full(raw.size, np.nan), dict[str, np.ndarray]()
+    for k, target in enumerate(targets):
+        at = np.flatnonzero(chosen == k)
+        if isinstance(target, bytes):
+            texts = {target.decode(errors="replace").strip("\0 "): np.ones(at.size, dtype=bool)}
+        else:
+            values[at], texts = (target, {}) if isinstance(target, float) else _physical(raw[at], target)
+        for text, where in texts.items():
+            codes.setdefault(text, np.zeros(raw.size, dtype=bool))[at[where]] = True
+    return values, codes
+
+
+def _evaluated(formula: str, x: np.ndarray) -> np.ndarray:
+    """The values (N,) of a formula at x (N,); ValueError with what in it is not known."""
+
+    def value(node: ast.expr) -> Any:
+        match node:
+            case ast.Constant(value=int() | float() as number):
+                return float(number)
+            case ast.Name(id="X1" | "X"):
+                return x
+            case ast.BinOp(left=left, op=op, right=right) if type(op) in OPERATORS:
+                return OPERATORS[type(op)](value(left), value(right))
+            case ast.UnaryOp(op=op, operand=operand) if type(op) in OPERATORS:
+                return OPERATORS[type(op)](value(operand))
+            case ast.Call(func=ast.Name(id=name), args=given, keywords=[]):
+                function = FUNCTIONS.get(name.lower())
+                if function and function.nin == len(given):
+                    return function(*map(value, given))
+        raise ValueError(f"has the algebraic conversion {formula!r}, in which {ast.unparse(node)!r} is not known")
+
+    try:
+        return np.broadcast_to(value(ast.parse(formula.strip().replace("^", "**"), mode="eval").body), x.shape)
+    except (SyntaxError, RecursionError, MemoryError):
+        raise ValueError(f"has the algebraic conversion {formula!r}, which is no formula") from None
 
 
 def _timed(mdf: Any) -> list[int]:
@@ -107,48 +221,36 @@ def _channels(mdf: Any, group: int) -> list[tuple[int, Any]]:
     return [(k, c) for k, c in enumerate(mdf.groups[group].channels) if k != mdf.masters_db[group]]
 
 
-def _on_one_time(labels: list[str], signals: list[Signal]) -> list[Values]:
+def _on_one_time(meta: dict[str, Any], labels: list[str], signals: list[Signal]) -> list[Values]:
     """The time, and each signal at that time or the reason for which it cannot be read."""
     values: list[Values] = []
-    for label, signal in zip(labels, signals):
-        if signal.samples.ndim != 1 or signal.samples.dtype.kind not in "fiub":
-            values.append("holds no plain numbers")
-        elif signal.samples.size < 2:
-            values.append(f"has {signal.samples.size} samples")
-        else:
-            with np.errstate(invalid="ignore"):  # of an infinite time, which is refused
-                late = np.diff(signal.timestamps) <= 0
-            if late.any() or not np.isfinite(signal.timestamps).all():
-                k = int(np.argmax(late)) + 1
-                raise ValueError(
-                    f"the time of {label!r} must ascend strictly; sample {k} is {signal.timestamps[k]} s "
-                    f"after {signal.timestamps[k - 1]} s; repair the file"
-                )
-            samples = signal.samples.astype(float)
-            if signal.invalid is not None:
-                samples[np.asarray(signal.invalid, dtype=bool)] = np.nan
-            values.append(samples)
-    usable = [(k, signals[k].timestamps) for k, v in enumerate(values) if isinstance(v, np.ndarray)]
-    if not usable:
+    own: dict[int, tuple[np.ndarray, np.ndarray]] = {}  # time of the readable ones, and which samples are lost
+    for k, (label, signal) in enumerate(zip(labels, signals)):
+        if isinstance(signal.samples, str):
+            values.append(signal.samples)
+            continue
+        kept = last_of_stamp(meta, label, signal.timestamps)
+        if np.count_nonzero(kept) < 2:
+            values.append(f"has {np.count_nonzero(kept)} samples")
+            continue
+        values.append(gaps(meta, label, signal.samples, signal.codes)[kept])
+        lost = np.any([*signal.codes.values(), np.isinf(signal.samples)], axis=0)
+        own[k] = signal.timestamps[kept], lost[kept]
+    if not own:
         return [np.empty(0), *values]
-    _, time = max(usable, key=lambda pair: pair[1].size)
-    first, last = max(usable, key=lambda pair: pair[1][0]), min(usable, key=lambda pair: pair[1][-1])
-    time = time[(time >= first[1][0]) & (time <= last[1][-1])]
+    time = max((time for time, _ in own.values()), key=len)
+    first, last = max(own, key=lambda k: own[k][0][0]), min(own, key=lambda k: own[k][0][-1])
+    begin, end = own[first][0][0], own[last][0][-1]
+    time = time[(time >= begin) & (time <= end)]
     if time.size < 2:
         raise ValueError(
-            f"{labels[first[0]]!r} begins at {first[1][0]:g} s, {labels[last[0]]!r} ends at {last[1][-1]:g} s: "
+            f"{labels[first]!r} begins at {begin:g} s, {labels[last]!r} ends at {end:g} s: "
             "the channels have no time in common; name those that are wanted in a mapping"
         )
-    for k, own in usable:
-        if not np.array_equal(own, time):
-            values[k] = interpolated(time, own, np.asarray(values[k]))
+    for k, (stamps, lost) in own.items():
+        if not np.array_equal(stamps, time):
+            read = interpolated(time, stamps, np.asarray(values[k]))
+            before, after = np.searchsorted(stamps, time, side="right") - 1, np.searchsorted(stamps, time)
+            read[lost[before] | lost[after]] = np.nan  # however far apart the samples with values are
+            values[k] = read
     return [time, *values]
-
-
-def _meta(header: Any) -> dict[str, Any]:
-    """The meta, which is empty if the comment is not that of a recording."""
-    try:
-        meta = json.loads(header.description)
-    except (AttributeError, ValueError, RecursionError):  # MDF 3, or a comment that is not ours
-        return {}
-    return meta if isinstance(meta, dict) else {}

@@ -1,5 +1,6 @@
 """Readers of other packages, called in a process of their own: damaged files may crash their compiled code."""
 
+import importlib.util
 import os
 import pickle
 import subprocess
@@ -22,6 +23,12 @@ except Exception as error:  # damaged files raise exceptions of many types
     answer = " ".join(str(error).split()) or type(error).__name__
 pickle.dump(answer, out, pickle.HIGHEST_PROTOCOL)
 """
+
+
+def require(package: str, what: str, extra: str) -> None:
+    """ValueError with the command that installs a package of an extra, where it is missing."""
+    if importlib.util.find_spec(package) is None:
+        raise ValueError(f"{what} files need the package {package}: pip install '.[{extra}]'")
 
 
 def read(kind: str, function: Callable[..., Found], *arguments: object) -> Found:

@@ -1,27 +1,46 @@
-"""The common form of an opened file: :mod:`steer_env.recording.files` chooses columns from it and loads them."""
+"""The common form of an opened file: :mod:`steer_env.recording.files` chooses columns from it and loads them.
 
-from collections.abc import Callable, Sequence
+All readers keep two rules, and tell in the meta what they left out by them:
+
+* What is no value is a gap: a code that a text stands for ("Invalid"), a sample that is marked invalid, an infinite
+  number, an empty cell. The meta ``no_value`` counts them, ``{column: {reason: samples}}``.
+* Of samples that share a time stamp the last is kept, and the meta ``doubled_stamps`` counts the others,
+  ``{column: samples}``. Where more than ``MOST_DOUBLED`` of all share one, the logger stamped blocks, and the instants
+  of the samples are not known: that is refused, and so is a time that goes back.
+"""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from steer_env.recording.units import FILE_UNITS, parse_unit, split_unit
 
+NO_VALUE, DOUBLED = "no_value", "doubled_stamps"  # keys of the meta
+MOST_DOUBLED = 0.1  # share of samples with the stamp of another, above which stamps are those of blocks; assumed [1]
+
 
 class Column(NamedTuple):
-    """A column of a file, before it is read."""
+    """A column of a file, before it is read; made by :func:`column`."""
 
     label: str  # its text in the file
     name: str  # the label without the unit
     unit: str | None  # as the file spells it; None if the file names none
+    known: tuple[str, float] | None  # unit in memory and the value in memory of one; None if the spelling is not known
     sign: str | None = (
-        None  # label of the column that is 1 where the values, magnitudes, are negative; None: they are not
+        None  # label of the column that is 1 where the values, magnitudes, are negative; None: there is none
     )
 
     @property
     def declares_unit(self) -> bool:
         """Whether the unit stands apart from the name or in brackets; the end of a name may only look like one."""
         return self.unit is not None and self.label != f"{self.name}_{self.unit}"
+
+    @property
+    def is_time(self) -> bool:
+        """Whether a column is the time by its name."""
+        return self.name.lower() in ("time", "t")
 
 
 # Samples (T,) in the file's unit, or a text that says why there are none.
@@ -32,27 +51,25 @@ class Table(NamedTuple):
     """An opened file."""
 
     columns: list[Column]
-    meta: dict[str, Any]
+    meta: dict[str, Any]  # to which `load` adds what it left out
     timed: bool  # whether the time is one of the columns; otherwise `load` returns it first, in seconds
     load: Callable[[Sequence[int]], list[Values]]  # loads the columns at these indices; the first is the time
 
 
-def column(label: str) -> Column:
-    """A column whose unit, if it is named, is part of the label."""
-    return Column(label, *split_unit(label))
-
-
-def named_time(entry: Column) -> bool:
-    """Whether a column is the time by its name."""
-    return entry.name.lower() in ("time", "t")
+def column(label: str, unit: str | None = None, name: str | None = None) -> Column:
+    """A column with the unit that stands apart from its label, or else with the one that is part of it."""
+    short, end = split_unit(label)
+    if unit:
+        return Column(label, name or label, unit, parse_unit(unit))
+    return Column(label, name or short, end or None, parse_unit(end) if end else None)
 
 
 def time_place(columns: Sequence[Column]) -> int | None:
     """Index of the column of the time: the first one called time or t, else the first of all if it is in seconds."""
     for place, entry in enumerate(columns):
-        if named_time(entry):
+        if entry.is_time:
             return place
-    return 0 if columns and (parse_unit(columns[0].unit or "") or ("",))[0] == "s" else None
+    return 0 if columns and columns[0].known and columns[0].known[0] == "s" else None
 
 
 def label(name: str, unit: str) -> str:
@@ -64,7 +81,78 @@ def label(name: str, unit: str) -> str:
         If the column would be read back with another name or unit because of the end of the name.
     """
     text = f"{name}_{FILE_UNITS[unit][0]}"
-    back = split_unit(text)
-    if back[0] != name or back[1] is None or parse_unit(back[1]) != (unit, FILE_UNITS[unit][1]):
+    back = column(text)
+    if back.name != name or back.known != (unit, FILE_UNITS[unit][1]):
         raise ValueError(f"channel {name!r} in {unit!r} cannot be a column: rename the channel")
     return text
+
+
+def meta_in(text: Any) -> dict[str, Any]:
+    """The meta in a comment of a file, which is empty if the text is not that of a recording."""
+    try:
+        meta = json.loads(text)
+    except (TypeError, ValueError, RecursionError):
+        return {}
+    return meta if isinstance(meta, dict) else {}
+
+
+def tell(meta: dict[str, Any], key: str, label: str, told: Any) -> None:
+    """Add what was left out of a column to the meta, beside what the file tells of itself."""
+    before = meta.get(key)
+    meta[key] = {**before, label: before.get(label, told)} if isinstance(before, dict) else {label: told}
+
+
+def gaps(
+    meta: dict[str, Any], label: str, values: np.ndarray, codes: Mapping[str, np.ndarray] | None = None
+) -> np.ndarray:
+    """The samples (T,) of a column with NaN where they are no values, which the meta ``no_value`` tells.
+
+    Parameters
+    ----------
+    meta : dict
+        To which the counts are added.
+    label : str
+        Of the column.
+    values : (T,) array
+        Infinite numbers are no values; where it is NaN already and no code says why, it is ``"empty"``.
+    codes : mapping of str to (T,) array of bool, optional
+        Why samples are no values -> which; of several reasons for a sample the first is told.
+    """
+    rest, told = np.ones(values.size, dtype=bool), dict[str, int]()
+    for reason, where in {**(codes or {}), "infinite": np.isinf(values), "empty": np.isnan(values)}.items():
+        if count := int(np.count_nonzero(where & rest)):
+            told[reason] = count
+            rest = rest & ~where
+    if told:
+        tell(meta, NO_VALUE, label, told)
+    return np.where(rest, values, np.nan)
+
+
+def last_of_stamp(meta: dict[str, Any], label: str, time: np.ndarray) -> np.ndarray:
+    """Which samples (T,) remain where several share a time stamp; the meta ``doubled_stamps`` counts the others.
+
+    Raises
+    ------
+    ValueError
+        If the time (T,) is not finite, goes back, or has the stamps of blocks; with the place.
+    """
+    with np.errstate(invalid="ignore"):  # of an infinite time
+        step = np.diff(time)
+    back = ~(step >= 0) | ~np.isfinite(step)
+    if back.any():
+        k = int(np.argmax(back)) + 1
+        raise ValueError(
+            f"the time of {label!r} must be finite and not go back; sample {k} is {time[k]} s after {time[k - 1]} s; "
+            "repair the file"
+        )
+    kept = np.append(step > 0, True)[: time.size]
+    doubled = int(np.count_nonzero(~kept))
+    if doubled > max(MOST_DOUBLED * time.size, 1):
+        k = int(np.argmin(kept))
+        raise ValueError(
+            f"{doubled} of {time.size} samples of {label!r} have the time stamp of another, the first {time[k]} s: "
+            "where a logger stamps blocks of samples, their instants are not known; record the time of each sample"
+        )
+    if doubled:
+        tell(meta, DOUBLED, label, doubled)
+    return kept

@@ -92,7 +92,7 @@ def test_a_parquet_file_from_pandas(tmp_path):
     np.testing.assert_allclose(found.time, [0.0, 0.5, 1.0])
     np.testing.assert_allclose(found["SWA"], [0.0, np.nan, np.pi])
     np.testing.assert_allclose(found["v"], [10.0, 20.0, np.nan])
-    assert found.meta == {"not_read": "state"}
+    assert found.meta == {"not_read": "state", "no_value": {"SWA [deg]": {"empty": 1}, "v_kmh": {"empty": 1}}}
     assert "column 'state', wanted as handwheel_angle, holds no plain numbers" in refusal(
         path, mapped("handwheel_angle=state[deg]")
     )

@@ -9,7 +9,7 @@ import pytest
 from scipy import io
 
 from steer_env import metrics
-from steer_env.recording import channel_mapping, csv_file
+from steer_env.recording import channel_mapping
 from steer_env.recording.files import read, write
 from steer_env.recording.recording import DEGREE, Recording
 from steer_env.vehicle.constants import GRAVITY
@@ -58,8 +58,7 @@ def test_empty_cells_are_gaps(tmp_path, separator):
     np.testing.assert_array_equal(found["b"], [1, np.nan, np.nan, np.nan])
 
 
-def test_gaps_and_decimal_commas_do_not_need_the_slow_reader(tmp_path, monkeypatch):
-    monkeypatch.setattr(csv_file, "_load_slowly", lambda *_: pytest.fail("read slowly"))
+def test_gaps_beside_decimal_commas(tmp_path):
     path = tmp_path / "run.csv"
     path.write_text("Time [s];a [m];b [m];\n0,0;;1;\n0,5;1,5;;\n\n1;;;\n")
     found = read(path)
@@ -68,7 +67,7 @@ def test_gaps_and_decimal_commas_do_not_need_the_slow_reader(tmp_path, monkeypat
     np.testing.assert_array_equal(found["b"], [1, np.nan, np.nan])
 
 
-def test_a_number_that_only_the_slow_reader_takes(tmp_path):
+def test_a_number_with_an_underscore(tmp_path):
     path = tmp_path / "run.csv"
     path.write_text("time_s,a_m\n0,1_000\n1,2\n")
     np.testing.assert_array_equal(read(path)["a"], [1000, 2])
@@ -77,8 +76,14 @@ def test_a_number_that_only_the_slow_reader_takes(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("Time [s];SWA [deg]\n0,0;1\n0,0;2\n", "line 3, column 'Time [s]': expected a finite time after that of"),
-        ("Time [s];SWA [deg]\n0,0;1\n\n1,0;x\n", "line 4, column 'SWA [deg]': expected a number, got 'x'"),
+        (
+            "Time [s];SWA [deg]\n0,1;1\n0,0;2\n",
+            "in line 3, which is no finite time that does not go back",
+        ),
+        (
+            "Time [s];yaw_rate [deg/s]\n0,0;1\n\n1,0;1-2\n",
+            "column 'yaw_rate [deg/s]', wanted as yaw_rate, has '1-2' in line 4",
+        ),
         ("Time [s],SWA [deg]\n0,0,1\n0,5,2\n", "line 2, column 'SWA [deg]': expected 2 values separated by ',', got 3"),
         ("Time [s];SWA [deg]\n0\t1\n1\t2\n", "line 2, column 'SWA [deg]': expected 2 values separated by ';', got 1"),
         ("Time [h];SWA [deg]\n0;1\n1;2\n", "column 'Time [h]' has the unit 'h', which is not known; give it in a"),
@@ -89,7 +94,7 @@ def test_a_number_that_only_the_slow_reader_takes(tmp_path):
             "line 2, column 'SWA [deg]': the row of units says 'rad', the header says 'deg': correct one of them",
         ),
         ("Time,SWA\ns,furlong\n0,1\n1,2\n", "none of the columns SWA can be read"),
-        ("Time [s],SWA [deg]\n0,x\ns,deg\n", "line 2, column 'SWA [deg]': expected a number, got 'x'"),
+        ("Time [s],SWA [deg]\n0,x\ns,deg\n", "in line 3, which is no finite time that does not go back"),
     ],
 )
 def test_text_that_is_refused(tmp_path, text, message):
@@ -313,6 +318,16 @@ def test_samples_marked_invalid_are_gaps(tmp_path):
     np.testing.assert_array_equal(np.isnan(read(path)["SWA"]), invalid)
 
 
+@pytest.mark.parametrize("lost", [np.arange(101) % 2 == 1, np.abs(np.arange(101) - 50) < 3])
+def test_nothing_is_interpolated_through_invalid_samples_of_another_raster(tmp_path, lost):
+    """Neither where a block is invalid nor where every other sample is: only instants of valid samples have values."""
+    slow, fast = np.arange(101) / 100, np.arange(201) / 200
+    groups = [signal("SWA", slow, slow, "rad", invalidation_bits=lost)], [signal("v", fast, fast, "m/s")]
+    found = read(mdf(tmp_path / "run.mf4", *groups))
+    np.testing.assert_array_equal(np.isnan(found["SWA"]), np.interp(fast, slow, lost) > 1e-9)
+    assert found.meta["no_value"] == {"SWA": {"marked invalid": np.count_nonzero(lost)}}
+
+
 def test_a_name_in_two_groups_bears_the_number_of_its_group(tmp_path):
     time = np.arange(11) / 10
     path = mdf(tmp_path / "run.mf4", *([signal("SWA", time, k * time, "rad")] for k in (1, 2)))
@@ -338,8 +353,8 @@ def test_mdf_that_is_refused(tmp_path):
     mdf(path, [numbers])
     assert "no channel 'Torque' for handwheel_torque" in refusal(path, mapped("handwheel_torque=Torque"))
     assert "this format has a time base of its own: remove [channels.time]" in refusal(path, mapped("time=t[s]"))
-    mdf(path, [signal("SWA", [0, 0.1, 0.1], [1.0, 2.0, 3.0], "deg")])
-    assert "the time of 'SWA' must ascend strictly; sample 2 is 0.1 s after 0.1 s" in refusal(path)
+    mdf(path, [signal("SWA", [0, 0.1, 0.05], [1.0, 2.0, 3.0], "deg")])
+    assert "the time of 'SWA' must be finite and not go back; sample 2 is 0.05 s after 0.1 s" in refusal(path)
     mdf(path, [numbers], [signal("v", time + 5, time, "m/s")])
     assert "'v' begins at 5 s, 'SWA' ends at 1 s: the channels have no time in common" in refusal(path)
     mdf(path, [numbers], [signal("Gear", time, np.array([b"first"] * 11), encoding="utf-8")])
@@ -402,8 +417,8 @@ def test_a_matlab_file_of_several_structures(tmp_path):
 
 def test_matlab_files_that_are_refused(tmp_path):
     path = tmp_path / "run.mat"
-    io.savemat(path, {"time_s": [0.0, 1.0, 1.0], "yaw_rate_deg_s": np.arange(3.0)})
-    assert "time must ascend strictly; sample 2 is 1.0 s after 1.0 s" in refusal(path)
+    io.savemat(path, {"time_s": [0.0, 1.0, 0.5], "yaw_rate_deg_s": np.arange(3.0)})
+    assert "the time of 'time_s' must be finite and not go back; sample 2 is 0.5 s after 1.0 s" in refusal(path)
     io.savemat(path, {"text": "nothing"})
     assert "no time among the columns" in refusal(path)
 

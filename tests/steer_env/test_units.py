@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from steer_env.recording import table
+from steer_env.recording.files import read
 from steer_env.recording.units import FILE_UNITS, file_unit, parse_unit, split_unit
 
 
@@ -65,3 +67,14 @@ def test_both_forms_of_every_unit_of_a_recording(unit):
 )
 def test_names_and_units_of_columns(column, expected):
     assert split_unit(column) == expected
+
+
+@pytest.mark.parametrize(
+    "header", ["Time [s],yaw_rate [deg/s],v [m/s]\n", "time_s,yaw_rate_deg_s,v_m_s\n", "Time,yaw_rate,v\ns,deg/s,m/s\n"]
+)
+def test_the_unit_of_a_column_is_parsed_once(tmp_path, monkeypatch, header):
+    parsed = []
+    monkeypatch.setattr(table, "parse_unit", lambda text: parsed.append(text) or parse_unit(text))
+    (tmp_path / "run.csv").write_text(f"{header}0,1,2\n0.01,1,2\n")
+    assert read(tmp_path / "run.csv").units == {"yaw_rate": "rad/s", "v": "m/s"}
+    assert [text.replace("_", "/") for text in parsed] == ["s", "deg/s", "m/s"]

@@ -164,8 +164,8 @@ ERRORS = (
     Planted(
         "decimal commas are taken for separators",
         "steer_env/recording/csv_file.py",
-        'return lines if separator == "," else (line.replace(",", ".") for line in lines)',
-        'return lines if separator != ";" else (line.replace(",", ".") for line in lines)',
+        'row = _cells(line if layout.separator == "," else line.replace(",", "."), layout.separator)',
+        'row = _cells(line if layout.separator != ";" else line.replace(",", "."), layout.separator)',
         "tests/steer_env/test_measured_files.py tests/steer_env/test_recording_files.py tests/steer_env",
     ),
     Planted(

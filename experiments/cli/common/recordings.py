@@ -170,6 +170,11 @@ def _notes(meta: Mapping[str, Any], frames: bool) -> Iterator[str]:
     for key, label in NOTES.items():
         if key in meta:
             yield f"{label}: {meta[key]}"
+    for name, reasons in meta.get("no_value", {}).items():
+        counted = ", ".join(f"{count} are {reason!r}" for reason, count in reasons.items())
+        yield f"samples without a value in {name}: {counted}"
+    for name, count in meta.get("doubled_stamps", {}).items():
+        yield f"samples of {name} that share a time stamp with the next, and left out: {count}"
     for name, told in meta["can"]["messages"].items() if frames else ():
         missed = told.get("missed_by_counter", 0)
         if told.get("gaps") or missed:
