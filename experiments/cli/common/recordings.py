@@ -1,6 +1,7 @@
 """What ``evaluate`` and ``validate`` share: options of recorded files, and the assessment that both print and write."""
 
 import argparse
+import json
 import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, nullcontext
@@ -18,6 +19,8 @@ NOTES = {
     "not_read": "columns that are not read",
     "uncalibrated": "in counts of the sensor, uncalibrated",
     "seconds_assumed": "without a unit, read in seconds",
+    "no_value": "samples that are no values, and why",
+    "doubled_stamps": "samples left out, as the next one has the same time stamp",
     "torn": "cut off where the drive ended, and left out",
 }
 
@@ -169,12 +172,8 @@ def _notes(meta: Mapping[str, Any], frames: bool) -> Iterator[str]:
     """What to know of a recording before its metrics: columns without values, counts, gaps of ``frames``."""
     for key, label in NOTES.items():
         if key in meta:
-            yield f"{label}: {meta[key]}"
-    for name, reasons in meta.get("no_value", {}).items():
-        counted = ", ".join(f"{count} are {reason!r}" for reason, count in reasons.items())
-        yield f"samples without a value in {name}: {counted}"
-    for name, count in meta.get("doubled_stamps", {}).items():
-        yield f"samples of {name} that share a time stamp with the next, and left out: {count}"
+            counted = isinstance(meta[key], dict)
+            yield f"{label}: {json.dumps(meta[key], ensure_ascii=False)[1:-1] if counted else meta[key]}"
     for name, told in meta["can"]["messages"].items() if frames else ():
         missed = told.get("missed_by_counter", 0)
         if told.get("gaps") or missed:
