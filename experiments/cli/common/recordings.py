@@ -172,8 +172,8 @@ def _notes(meta: Mapping[str, Any], frames: bool) -> Iterator[str]:
     """What to know of a recording before its metrics: columns without values, counts, gaps of ``frames``."""
     for key, label in NOTES.items():
         if key in meta:
-            counted = isinstance(meta[key], dict)
-            yield f"{label}: {json.dumps(meta[key], ensure_ascii=False)[1:-1] if counted else meta[key]}"
+            text = meta[key]
+            yield f"{label}: {json.dumps(text, ensure_ascii=False)[1:-1] if isinstance(text, dict) else text}"
     for name, told in meta["can"]["messages"].items() if frames else ():
         missed = told.get("missed_by_counter", 0)
         if told.get("gaps") or missed:
