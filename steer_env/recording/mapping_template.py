@@ -24,7 +24,7 @@ SETTINGS = ("# sign = 1", "# scale = 1.0", "# offset = 0.0", "# delay_ms = 0")
 USUAL = {
     "handwheel_angle": ("steering wheel angle", "steer angle", "angle", "SWA", "Lenkwinkel", "Lenkradwinkel", "LRW"),
     "handwheel_torque": (
-        *("steering wheel torque", "steer torque", "steer torque driver", "SWT", "Lenkmoment", "LRM"),
+        *("steering wheel torque", "steer torque", "steer torque driver", "SWT", "WhlTrq", "Lenkmoment", "LRM"),
         *(
             "SteeringColumnTorque",
             "CR Mdps StrColTq",
@@ -33,7 +33,13 @@ USUAL = {
             "torsionBarTorque",
         ),
     ),
-    "handwheel_speed": ("steering wheel speed", "steering angle rate", "steer rate", "Lenkwinkelgeschwindigkeit"),
+    "handwheel_speed": (
+        "steering wheel speed",
+        "steering angle rate",
+        "steer rate",
+        "WhlVel",
+        "Lenkwinkelgeschwindigkeit",
+    ),
     "vehicle_speed": ("speed", "velocity", "v", "vx", "Geschwindigkeit", "Fahrgeschwindigkeit", "v Fzg", "v Fahrzeug"),
     "lateral_acceleration": ("lat acc", "accel y", "ay", "Querbeschleunigung", "Querbeschl", "a quer"),
     "yaw_rate": ("yaw", "yaw velocity", "gyro z", "Gierrate", "Gierwinkelgeschwindigkeit"),

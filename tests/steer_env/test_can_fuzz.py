@@ -7,6 +7,7 @@ import numpy as np
 from steer_env.recording import can_log
 from steer_env.recording.channel_mapping import Mapping, entry
 from steer_env.recording.files import read
+from tests.needs import needs
 
 HEAD = 'VERSION ""\nNS_ :\nBS_:\nBU_: A\n'
 FRAMES = 240
@@ -126,6 +127,7 @@ class Pair:
         return log, dbc
 
 
+@needs("can", "cantools")
 def test_random_logs_are_read_as_they_were_made(tmp_path):
     """Values lie on the lines between the true ones, gaps are where codes are, and all that is unusual is told."""
     kinds = set()

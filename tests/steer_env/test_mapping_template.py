@@ -9,6 +9,7 @@ from scipy import io
 from steer_env.experiments.cli.main import main
 from steer_env.recording import can_log, channel_mapping
 from steer_env.recording.files import read
+from tests.needs import needs
 
 
 def sections(path):
@@ -113,6 +114,7 @@ BO_ 257 ESP: 8 A
 """
 
 
+@needs("can", "cantools")
 def test_sign_and_torque_of_a_can_log_are_proposed(tmp_path):
     """The signal of the sign with the angle, and the size of a torque whose database has no unit."""
     log, dbc, out = (tmp_path / name for name in ("drive.log", "car.dbc", "map.toml"))
