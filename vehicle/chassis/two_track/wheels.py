@@ -149,8 +149,8 @@ def forces_on_body(d, frame, x, carriers, contact, slip, forces, torques, out):
     F_up = contact.F_z + along * contact.slope
     Y = forces.F_x * s + forces.F_y * c  # (B8)
     arm = contact.y + contact.camber_offset
-    # The load points at the wheel centre, where F_x acts too, whose moment about the axle is the wheel's own; F_y acts on
-    # the ground.
+    # The load points at the wheel centre, where F_x acts too, as its moment about the axle is the wheel's own; F_y acts
+    # on the ground.
     grounded = contact.height * forces.F_y * s  # B of (B8)
     store(out, FORCE_X, X)
     store(out, FORCE_Y, Y)
