@@ -16,6 +16,7 @@ from steer_env.metrics.common.filtered_channels import FilteredChannels
 from steer_env.recording import can_log
 from steer_env.recording.files import read, write
 from steer_env.recording.recording import DEGREE
+from tests.needs import needs
 from tests.steer_env.recorded import mapped, refusal
 
 FOLDER = Path(__file__).parents[2] / "examples" / "can_log"
@@ -491,10 +492,12 @@ def test_an_identifier_of_the_other_kind_is_told(tmp_path):
     )
 
 
+@needs("asammdf")
 @pytest.mark.parametrize("extended", [0, 1])
 def test_raw_frames_of_an_mdf_file_are_decoded(tmp_path, extended):
     """Frames shorter than the database says, in two groups of one bus; without a database the file is refused."""
-    asammdf = pytest.importorskip("asammdf")
+    import asammdf
+
     fields = {"BusChannel": "u1", "ID": "<u4", "IDE": "u1", "DLC": "u1", "DataLength": "u1", "DataBytes": ("u1", (8,))}
     path = tmp_path / "drive.mf4"
     with asammdf.MDF(version="4.10") as mdf:
