@@ -129,8 +129,13 @@ class Column(NamedTuple):
         "Error", "Fault", "Init", "Reserved", and, where it has no more than ``FEW`` names, any name of raw values that
         are the last ones of its bits, as 255 and 254 of eight; any other name, as 0 "Straight", is that of a value.
         """
-        signal, names = self.signal, {int(raw): str(name) for raw, name in (self.signal.choices or {}).items()}
+        signal = self.signal
         lowest, highest = _raw_range(signal)
+        names = {}
+        for raw, name in (signal.choices or {}).items():
+            # Databases also give a signed raw value as the unsigned one of the same bits, and the other way round.
+            same_bits = -(1 << (signal.length - 1)) <= int(raw) < 1 << signal.length
+            names[(int(raw) - lowest) % (1 << signal.length) + lowest if same_bits else int(raw)] = str(name)
         plain = not signal.unit and (signal.scale, signal.offset) == (1, 0) and signal.length <= 8
         states = plain or len(names) > highest - lowest
         words = rf"\b({NO_VALUE if states else f'{NO_VALUE}|{NO_READING}'})( ?\d+)?\b"
