@@ -32,8 +32,8 @@ NO_VALUE = (
     r"ung\S* ?\S?ltig|nicht (verf\w*|definiert|vorhanden|verbaut)|kein wert"
 )
 NO_READING = (
-    r"error|fehler|fault\w*|fail\w*|defect|defekt|init\w*|not (initialized|used|supported|determined|in spec|within)|"
-    r"notused|unused|reserved|reserviert|default|overflow|underflow|out of range|implausible|unplausible|timeout"
+    r"err|error|\w*fehler\w*|fault\w*|fail\w*|defect|defekt|(un)?init\w*|not \w+|nicht \w+|notused|unused|reserved|"
+    r"reserviert|default|overflow|underflow|out of range|(im|un)plausib\w*|timeout|ersatzwert|dont care|na ?n"
 )
 ORDINARY = r"no (fault|error)s?|not faulted|fehlerfrei|kein fehler|valid range|real values?"  # names of what is a value
 SIGN = r"vorzeichen( der)?|vorz|vz|sign|sgn|direction"  # part of the name of a signal that is the sign of another

@@ -84,6 +84,21 @@ def test_codes_are_no_values_and_named_numbers_are(tmp_path, signal, names, raw,
 
 
 @pytest.mark.parametrize(
+    ("name", "is_code"),
+    [
+        *((name, True) for name in ("Sensorfehler", "NotCalibrated", "Nicht_kalibriert", "ERR", "uninitialized")),
+        *((name, True) for name in ("Signal_Unplausibel", "Ersatzwert", "NaN", "dont_care", "out of range")),
+        *((name, False) for name in ("Straight", "No_Fault", "kein_Fehler", "Notch", "Standstill", "ferry")),
+    ],
+)
+def test_names_in_the_middle_of_a_measuring_signal(tmp_path, name, is_code):
+    """Of a raw value that is none of the last ones, so that only its name can say so."""
+    text = f'BO_ 256 M: 8 A\n SG_ S : 0|16@1+ (0.1,0) [0|0] "Nm" A\nVAL_ 256 S 1000 "{name}" ;\n'
+    columns, _ = loaded(tmp_path, text)
+    assert np.isnan(values(columns["M.S"], [1000])[1][0]) == is_code
+
+
+@pytest.mark.parametrize(
     ("length", "raw", "expected"),
     [
         (2, [1, 2, 3], [1, None, None]),
