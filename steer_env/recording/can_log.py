@@ -14,8 +14,10 @@ the gaps of every message, and how many frames its counter misses; its ``notes``
 
 Frames of one message with one time stamp: where these are more than ``BATCHED`` of a message, the logger stamps in
 batches, and the frames are spread over the time before the stamp, see ``_spread``; of others the last is kept. Both are
-told. What a log of batches has of the time between messages is the order of their frames: each message is moved as a
-whole so that its frames come, on average, with those of the fastest message that precede them.
+told. A computer that stamps the frames of a batch one by one, as an adapter hands them over, gives stamps that are less
+than ``BURST`` apart; these are taken as one. What a log of batches has of the time between messages is the order of
+their frames: each message is moved as a whole so that its frames come, on average, with those of the fastest message
+that precede them.
 
 A message of J1939 that does not occur under its own identifier is taken from the one source address from which its
 parameter group comes.
@@ -43,6 +45,7 @@ SUFFIXES = (".blf", ".asc", ".log", ".trc", ".asc.gz", ".log.gz", ".trc.gz")
 CSV_HEADER = "timestamp,arbitration_id,"  # of a log that python-can wrote as .csv
 LONGEST_STEP = 3.0  # between two frames without a gap, in median periods of the message [1]
 BATCHED = 0.1  # share of a message's frames with the stamp of another from which on stamps are of batches; assumed [1]
+BURST = 1e-3  # between two frames of a batch, and at most a tenth of the message's mean period; assumed [s]
 COUNTERS = ("counter", "alive", "rolling")  # parts of the names of signals that count the frames
 MDF = (".mf4", ".mdf")
 BUS = ("CAN_", "LIN_")  # begin the names of channels with the frames of a bus in an MDF file
@@ -229,13 +232,14 @@ def _load(
             if not last.all():
                 tell(meta, DOUBLED, message.label, int(np.count_nonzero(~last)))
             continue
+        stamps = _stamps(stamps)
         time, cycle = _spread(stamps, message.cycle)
         clock = clock or (numbers, time, cycle)
         ticks = clock[1][np.maximum(np.searchsorted(clock[0], numbers, side="right") - 1, 0)]
         placed[k] = time + np.mean(ticks - time), values
         notes.append(
             f"{message.label}: the log stamps frames in batches of {batch:.3g} s; {last.size} frames with "
-            f"{np.count_nonzero(last)} stamps are spread by the cycle time of {cycle:.3g} s, against those of other "
+            f"{np.unique(stamps).size} stamps are spread by the cycle time of {cycle:.3g} s, against those of other "
             f"messages to within {clock[2]:.3g} s"
         )
     base = _time_base([time for time, _ in placed.values()])
@@ -451,10 +455,17 @@ def _end(path: Path, size: int, last: Any, longest: dict[int, int]) -> str:
     return "" if whole else f"the last line, {line!r}, has no end"
 
 
+def _stamps(time: np.ndarray) -> np.ndarray:
+    """One stamp for the frames (F,) of a batch: that of the last one of those that are less than ``BURST`` apart."""
+    last = np.append(np.diff(time) > min(BURST, (time[-1] - time[0]) / time.size / 10), True)
+    return np.asarray(time[last][np.cumsum(last) - last])
+
+
 def _batch(times: list[np.ndarray]) -> float | None:
     """The time between two batches of a log that stamps its frames in batches [s]; None for any other log."""
-    shares = [np.mean(np.diff(time) == 0) for time in times]
-    lengths = [np.median(np.diff(np.unique(time))) for time, share in zip(times, shares) if share > BATCHED]
+    stamps = [_stamps(time) for time in times]
+    shares = [np.mean(np.diff(time) == 0) for time in stamps]
+    lengths = [np.median(np.diff(np.unique(time))) for time, share in zip(stamps, shares) if share > BATCHED]
     return float(np.median(lengths)) if lengths else None
 
 

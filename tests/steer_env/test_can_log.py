@@ -426,6 +426,23 @@ def test_batches_are_spread_by_the_cycle_time(tmp_path, cycle):
     assert "batches of 0.05 s; 499 frames with 100 stamps are spread by the cycle time of 0.01 s" in str(found.meta)
 
 
+@pytest.mark.parametrize("apart", [1e-6, 2e-5, 3e-4])
+@pytest.mark.parametrize("frames", [2, 3, 5, 10])
+def test_batches_whose_frames_are_stamped_one_by_one(tmp_path, frames, apart):
+    """As a computer stamps what an adapter hands over in one go; a jitter of the sender is no batch."""
+    true = 0.01 * np.arange(600)
+    stamps = np.array([(k // frames + 1) * 0.01 * frames + k % frames * apart for k in range(600)])
+    path, options = logged(tmp_path, STEER, angles(stamps, 1000 * true))
+    found = read(path, NAMED, can=options)
+    late = np.degrees(found["handwheel_angle"]) / 100 - found.time
+    assert np.ptp(late) < frames * apart + 1e-3  # all frames are late alike
+    assert found.rate == pytest.approx(100, rel=1e-3)
+    assert f"frames with {600 // frames} stamps are spread by the cycle time of 0.01 s" in str(found.meta)
+    jitter = np.random.default_rng(1).uniform(0, 0.009, 600)
+    path, options = logged(tmp_path, STEER, angles(true + 5 * (true > 3) + jitter, 1000 * true))
+    assert "notes" not in read(path, NAMED, can=options).meta["can"]
+
+
 def test_messages_of_batches_keep_the_order_of_their_frames(tmp_path):
     """Two messages of unlike cycle times that are sent together have the same instants."""
     database = STEER + 'BO_ 257 SLOW: 8 A\n SG_ TORQUE : 0|16@1- (0.1,0) [0|0] "Nm" A\n'
