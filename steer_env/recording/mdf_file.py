@@ -119,6 +119,8 @@ def _signal(found: Any) -> Signal:
             samples, codes = _physical(found.samples, found.conversion)
     except ValueError as error:
         return Signal(str(error), found.timestamps, {})
+    if found.samples.dtype.kind == "f":  # a table has a value for what is no number, too
+        samples = np.where(np.isfinite(found.samples), samples, found.samples)
     if found.invalidation_bits is not None:
         codes = {"marked invalid": np.asarray(found.invalidation_bits, dtype=bool), **codes}
     return Signal(samples, found.timestamps, codes)

@@ -142,6 +142,18 @@ def test_texts_beside_numbers_are_gaps_that_are_counted(tmp_path, kind, size):
     }
 
 
+def test_what_is_no_number_before_a_conversion_is_none_behind_it(tmp_path):
+    """Tables have a value for every number, which a missing one must not get."""
+    raw = RAW["f4"].copy()
+    raw[[3, 4, 5]] = np.nan, np.inf, -np.inf
+    tables = [{**TABLE, "interpolation": flag} for flag in (True, False)]
+    codes = {"val_0": 7, "text_0": INVALID, "default_addr": RANGES}
+    found = read(written(tmp_path / "run.mf4", raw, LINEAR, *tables, RANGES, codes, {"formula": "7"}))
+    for name, values in found.channels.items():
+        np.testing.assert_array_equal(np.flatnonzero(np.isnan(values)), [3, 4, 5], err_msg=name)
+        assert found.meta["no_value"][name] == {"infinite": 2, "empty": 1}
+
+
 def test_keys_of_texts_need_not_be_whole_numbers(tmp_path):
     raw = np.arange(200) / 2
     codes = {"val_0": 7.5, "text_0": INVALID, "default_addr": LINEAR}
