@@ -37,6 +37,8 @@ NO_READING = (
 )
 ORDINARY = r"no (fault|error)s?|not faulted|fehlerfrei|kein fehler|valid range|real values?"  # names of what is a value
 SIGN = r"vorzeichen( der)?|vorz|vz|sign|sgn|direction"  # part of the name of a signal that is the sign of another
+LONGEST_SIGN = 2  # of such a signal, with a code for what is no sign [bit]
+NEGATIVE = r"neg\w*|minus"  # names of what is a sign
 AVAILABLE = 0xFA  # largest first byte of what is a value in J1939; then reserved, 0xFE error, 0xFF not available
 # Kinds of statements of a DBC that say how bytes are read; the others are comments, nodes and attributes.
 STATEMENT = re.compile(r"^[ \t]*(?=[A-Z]+_(?:[A-Z]+_)*\s)", re.MULTILINE)
@@ -87,17 +89,24 @@ class Column(NamedTuple):
     apart: str  # why it needs the name of its database; empty if it does not
 
     @property
-    def sign(self) -> str | None:
-        """The name of the signal that holds its sign, which its own bits do not; None if there is none."""
+    def sign(self) -> "Column | None":
+        """The signal that holds its sign, which its own bits do not; None if there is none."""
         signal, own = self.signal, _words(self.signal.name)
-        if signal.is_signed or signal.is_float or signal.length == 1 or signal.offset < 0 < signal.scale:
+        if signal.is_signed or signal.is_float or signal.length <= LONGEST_SIGN or signal.offset < 0 < signal.scale:
             return None
         for other in self.message.signals:
             words = _words(other.name)
             stem = re.sub(rf"\b({SIGN})\b *", "", words).strip()
-            if other.length == 1 and stem != words and len(stem) > 2 and own.startswith(stem):
-                return str(other.name)
+            mine = own == stem or (len(stem) > 2 and own.startswith(stem))
+            if other.length <= LONGEST_SIGN and stem != words and mine:
+                return self._replace(label=f"{self.label.rpartition('.')[0]}.{other.name}", signal=other)
         return None
+
+    @property
+    def negative(self) -> int:
+        """The raw value of a sign that stands for minus: the one whose name says so; 1 without names."""
+        names = self.signal.choices or {}
+        return next((int(raw) for raw, name in names.items() if re.search(rf"\b({NEGATIVE})", _words(str(name)))), 1)
 
     @property
     def limits(self) -> tuple[float, float]:

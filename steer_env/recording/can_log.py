@@ -3,7 +3,8 @@
 python-can reads .blf, .asc, .log (candump), .trc and its own .csv, the three in the middle also compressed by gzip; the
 raw frames of an .mf4 come from asammdf. :mod:`steer_env.recording.can_database` has the signals. A column is a signal,
 ``MESSAGE.SIGNAL``, the sum of signals of one message, ``MESSAGE.COARSE + MESSAGE.FINE``, in which some sensors split
-their reading, or a magnitude with its sign, ``MESSAGE.SIZE signed by MESSAGE.SIGN``, negative where that is 1.
+their reading, or a magnitude with its sign, ``MESSAGE.SIZE signed by MESSAGE.SIGN``, negative where that is 1, or
+what the database names so.
 
 Time begins at the first frame of the log. The messages of a log come at rates of their own and with jitter. The
 recording has one uniform time base: the mean rate of the message with the most frames among those that are wanted,
@@ -77,7 +78,7 @@ class Wanted(NamedTuple):
 
     label: str
     parts: list[can_database.Column]  # summands of one message
-    sign: can_database.Column | None  # of the same message; the values are negative where it is 1
+    sign: can_database.Column | None  # of the same message; the values are negative where it is 1, or its ``negative``
 
 
 class Raw:
@@ -137,9 +138,9 @@ def open_table(path: str | PathLike[str], options: Options, sources: Sequence[st
     columns, wanted = [], []
     for entry in signals:
         name = entry.label if entry.apart or named[entry.signal.name] > 1 else entry.signal.name
-        sign = entry.sign and f"{entry.message.label}.{entry.sign}"
-        unit = entry.signal.unit or None
-        columns.append(Column(entry.label, name, unit, parse_unit(unit or ""), sign))
+        unit, sign = entry.signal.unit or None, entry.sign
+        signed = (sign.label, sign.negative) if sign else ()
+        columns.append(Column(entry.label, name, unit, parse_unit(unit or ""), *signed))
         wanted.append(Wanted(entry.label, [entry], None))
     for source in dict.fromkeys(sources):
         sizes, _, sign = source.partition(SIGNED)
@@ -271,7 +272,8 @@ def _signal(
         except ValueError as error:
             return f"cannot be read: {error}"
         there &= held
-        values = values + read if part is not column.sign else np.where(read == 1, -values, values) + 0 * read
+        signed = np.where(read == part.negative, -values, values) + 0 * read  # NaN where there is no sign
+        values = signed if part is column.sign else values + read
         if codes:
             tell(meta, NO_VALUE, part.label, codes)
             counted += [f"{count} of {part.label} have {code}" for code, count in codes.items()]
@@ -280,13 +282,15 @@ def _signal(
     if np.count_nonzero(there) < 2:
         lacking = f"; it needs {least} bytes, of which they have {size.max()}" if short else ""
         return f"has {np.count_nonzero(there)} samples in {size.size} frames{lacking}"
-    label, sign = column.label, f"{first.message.label}.{first.sign}"
+    label, sign = column.label, first.sign
     if np.isnan(values[there]).all():
         return f"has no value in any of its frames ({', '.join(counted)}); is the database that of this car?"
     if short:
         notes.append(f"{label} is not in {short} frames, which are shorter than its {least} bytes")
-    if first.sign and column.sign is None:
-        notes.append(f'{label} is read without its sign, {sign}: give it in a mapping, sign_from = "{sign}"')
+    if sign and column.sign is None:
+        notes.append(
+            f'{label} is read without its sign, {sign.label}: give it in a mapping, sign_from = "{sign.label}"'
+        )
     return time[there] - log.start, values[there], np.array(raw.number)[there]
 
 

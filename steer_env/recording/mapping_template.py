@@ -114,7 +114,8 @@ def _block(
     lines = [f"{'# ' if k else off}from = {_quoted(entry.label)}  # {found[entry]}" for k, entry in enumerate(offered)]
     lines = [f"{off}[channels.{name}]", *(lines or ['# from = ""'])]
     if offered and offered[0].sign:
-        lines.append(f"{off}sign_from = {_quoted(offered[0].sign)}  # 1 where the reading is negative; check it")
+        where = f"{offered[0].negative} where the reading is negative; check it"
+        lines.append(f"{off}sign_from = {_quoted(offered[0].sign)}  # {where}")
     lines.append(off + f'unit = "{own or file_unit(unit)}"')
     size = TORQUES.get(_plain(offered[0].name.rpartition(".")[2])) if offered and name == "handwheel_torque" else None
     if size and not own:
@@ -125,13 +126,14 @@ def _block(
 def _agreement(offered: Mapping[str, list[Column]], samples: Mapping[Column, Values]) -> list[str]:
     """Comments on the sign of the handwheel angle, by its correlation with what a left turn makes positive, too."""
     lines = []
-    negative = {column.label: values for column, values in samples.items()}
+    by_label = {column.label: values for column, values in samples.items()}
     for other in ("yaw_rate", "lateral_acceleration"):
         pair = []
         for column in offered["handwheel_angle"][:1] + offered.get(other, [])[:1]:
-            signs = negative.get(column.sign or "", np.zeros(1))
+            signs = by_label.get(column.sign, "lost") if column.sign else np.array(1 - column.negative)
             if not isinstance(samples[column], str) and not isinstance(signs, str):
-                pair.append(np.where(signs > 0.5, -1, 1) * np.asarray(samples[column], dtype=float))
+                sign = np.where(np.abs(signs - column.negative) < 0.5, -1, 1)
+                pair.append(sign * np.asarray(samples[column], dtype=float))
         if len(pair) < 2:
             continue
         both = np.array(pair).T[~np.isnan(pair).any(axis=0)].T

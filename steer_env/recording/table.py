@@ -28,9 +28,8 @@ class Column(NamedTuple):
     name: str  # the label without the unit
     unit: str | None  # as the file spells it; None if the file names none
     known: tuple[str, float] | None  # unit in memory and the value in memory of one; None if the spelling is not known
-    sign: str | None = (
-        None  # label of the column that is 1 where the values, magnitudes, are negative; None: there is none
-    )
+    sign: str | None = None  # label of the column that says where the values, magnitudes, are negative; None: none
+    negative: int = 1  # what that column is there [1]
 
     @property
     def declares_unit(self) -> bool:

@@ -126,12 +126,15 @@ def test_what_is_not_available_in_j1939_is_no_value(tmp_path, length, raw, expec
         ("LH3_BLM", "LH3_BLMSign"),
         ("Giergeschwindigkeit", "Vorzeichen_der_Giergeschwindigk"),
         ("STEER_ANGLE", "STEER_DIRECTION"),
+        ("LW", "LW_Sign"),
     ],
 )
-def test_a_magnitude_knows_the_signal_of_its_sign(tmp_path, size, sign):
-    text = f'BO_ 256 M: 8 A\n SG_ {size} : 0|13@1+ (0.1,0) [0|0] "deg" A\n SG_ {sign} : 13|1@1+ (1,0) [0|1] "" A\n'
+@pytest.mark.parametrize("bits", [1, 2])
+def test_a_magnitude_knows_the_signal_of_its_sign(tmp_path, size, sign, bits):
+    text = f'BO_ 256 M: 8 A\n SG_ {size} : 0|13@1+ (0.1,0) [0|0] "deg" A\n SG_ {sign} : 13|{bits}@1+ (1,0) [0|1] "" A\n'
     columns, _ = loaded(tmp_path, text)
-    assert (columns[f"M.{size}"].sign, columns[f"M.{sign}"].sign) == (sign, None)
+    assert columns[f"M.{size}"].sign.label == f"M.{sign}"
+    assert columns[f"M.{sign}"].sign is None
     signed, _ = loaded(tmp_path, text.replace("0|13@1+ (0.1,0)", "0|13@1- (0.1,0)"))
     assert signed[f"M.{size}"].sign is None
 

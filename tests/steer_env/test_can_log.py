@@ -383,6 +383,15 @@ def test_a_sign_in_a_signal_of_its_own(tmp_path):
     assert "sign_from of handwheel_angle is for CAN logs" in refusal(tmp_path / "run.csv", named)
 
 
+def test_the_names_of_a_sign_say_what_is_negative(tmp_path):
+    truth = np.linspace(-20, 20, 50).round(1)
+    raw = [round(abs(value) * 10) | (value >= 0) << 13 for value in truth]
+    names = 'VAL_ 256 ANGLE_SIGN 1 "positiv_links" 0 "negativ" ;\n'
+    path, options = logged(tmp_path, SIGNED + names, angles(0.01 * np.arange(50), raw))
+    found = read(path, mapped("handwheel_angle=ANGLE,sign_from=ANGLE_SIGN"), can=options)
+    np.testing.assert_allclose(np.degrees(found["handwheel_angle"]), truth, atol=1e-6)
+
+
 def test_what_two_databases_name_is_asked_for(tmp_path):
     lines = angles(0.01 * np.arange(50), np.full(50, 100))
     path, _ = logged(tmp_path, STEER, lines)

@@ -115,14 +115,15 @@ BO_ 257 ESP: 8 A
 
 
 @needs("can", "cantools")
-def test_sign_and_torque_of_a_can_log_are_proposed(tmp_path):
+@pytest.mark.parametrize(("names", "negative"), [("", 1), ('VAL_ 256 LWI_VZ_Lenkradwinkel 1 "plus" 0 "minus" ;\n', 0)])
+def test_sign_and_torque_of_a_can_log_are_proposed(tmp_path, names, negative):
     """The signal of the sign with the angle, and the size of a torque whose database has no unit."""
     log, dbc, out = (tmp_path / name for name in ("drive.log", "car.dbc", "map.toml"))
-    dbc.write_text(CAN)
+    dbc.write_text(CAN + names)
     lines = []
     for k in range(400):
         angle = float(30 * np.sin(k / 20))
-        bits = round(abs(angle) * 10) | (angle < 0) << 13 | (1024 + k) << 16
+        bits = round(abs(angle) * 10) | ((angle < 0) == negative) << 13 | (1024 + k) << 16
         yaw = round(-angle * 20) % 65536
         lines += [f"({0.01 * k:.6f}) can0 100#{bits.to_bytes(8, 'little').hex()}"]
         lines += [f"({0.01 * k + 0.001:.6f}) can0 101#{yaw.to_bytes(2, 'little').hex()}{'00' * 6}"]
@@ -130,6 +131,7 @@ def test_sign_and_torque_of_a_can_log_are_proposed(tmp_path):
     assert main(["evaluate", str(log), "--dbc", str(dbc), "--template", str(out)]) == 0
     text = out.read_text()
     assert "\n# scale = 0.01  #" in text
+    assert f"  # {negative} where the reading is negative; check it" in text
     assert "yaw_rate: -1.00, so one of the two needs sign = -1" in text  # of the angle with its sign
     guessed = channel_mapping.load(out).channels
     assert guessed["handwheel_angle"].sign_from == "LWI.LWI_VZ_Lenkradwinkel"
