@@ -359,6 +359,7 @@ WAYS = {
     "table first": "[SHAPE]\n{radial width}\n 1.0 0.0\n" + TEXT,
     "units in the plural": TEXT.replace("meter", "METERS").replace("newton", "Newtons").replace("second", "Seconds"),
     "header of another program": "[MDI_HEADER]\nFILE_TYPE ='tir'\nFILE_VERSION =3.0\n! : COMMENT : own\n" + TEXT,
+    "block of comments": f"[MDI_HEADER]\nFILE_TYPE = 'tir'\n(COMMENTS)\n{{comment_string}}\n'Tire - own'\n{TEXT}",
     "own section": TEXT + "\n[MAKER]\nINFLATION_PRESSURE = 4.14\nTEST_NUMBER = ''\nWIDTH = 3\n",
     "FITTYP of 5.2": TEXT.replace("LONGVL", "FITTYP = 6\nLONGVL"),
     "FITTYP in quotes": TEXT.replace("LONGVL", "FITTYP = '21'\nLONGVL"),
