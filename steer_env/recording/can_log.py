@@ -279,8 +279,9 @@ def _signal(
             counted += [f"{count} of {part.label} have {code}" for code, count in codes.items()]
     least = max(can_database.bytes_of(part.signal) for part in column.parts)
     short = np.count_nonzero(size < least)
-    if np.count_nonzero(there) < 2:
+    if np.unique(time[there]).size < 2:
         lacking = f"; it needs {least} bytes, of which they have {size.max()}" if short else ""
+        lacking = lacking or ("" if np.count_nonzero(there) < 2 else ", all with one time stamp")
         return f"has {np.count_nonzero(there)} samples in {size.size} frames{lacking}"
     label, sign = column.label, first.sign
     if np.isnan(values[there]).all():

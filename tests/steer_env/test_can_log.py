@@ -452,6 +452,11 @@ def test_batches_whose_frames_are_stamped_one_by_one(tmp_path, frames, apart):
     assert "notes" not in read(path, NAMED, can=options).meta["can"]
 
 
+def test_a_log_of_one_time_stamp_is_refused(tmp_path):
+    path, options = logged(tmp_path, STEER, angles(np.zeros(50), range(50)))
+    assert "has 50 samples in 50 frames, all with one time stamp" in refusal(path, NAMED, can=options)
+
+
 def test_messages_of_batches_keep_the_order_of_their_frames(tmp_path):
     """Two messages of unlike cycle times that are sent together have the same instants."""
     database = STEER + 'BO_ 257 SLOW: 8 A\n SG_ TORQUE : 0|16@1- (0.1,0) [0|0] "Nm" A\n'

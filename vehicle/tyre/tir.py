@@ -278,8 +278,8 @@ class _Reader:
         for self.number, whole in enumerate(text.splitlines(), 1):
             line = whole.strip()
             heading = re.match(r"\[\s*([^\]]*?)\s*\]", line)
-            if heading:
-                section = heading[1].upper()
+            if heading or line[:1] == "(":  # (COMMENTS) and other blocks within a section hold lines without keys
+                section = heading[1].upper() if heading else f"{section} {line.upper()}"
                 self._begin(section)
             elif section in self.extensions:
                 self.extensions[section].append(whole.rstrip())
