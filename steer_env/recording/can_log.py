@@ -52,6 +52,7 @@ MDF = (".mf4", ".mdf")
 BUS = ("CAN_", "LIN_")  # begin the names of channels with the frames of a bus in an MDF file
 FRAMES = "CAN_DataFrame"  # channel of an MDF file with raw frames
 RELATIVE = re.compile(r"\s*base\s+\w+\s+timestamps\s+relative", re.IGNORECASE)
+BLOCK = re.compile(r"\s*begin\s*triggerblock", re.IGNORECASE)
 STAMP = re.compile(r"\s*(\d+\.\d+)\s")
 METHOD = "linear interpolation between the frames before and after each instant, at a uniform rate"
 
@@ -398,6 +399,8 @@ def _absolute(file: Any) -> Iterator[str]:
     with closing(file):
         for line in file:
             relative = relative or bool(RELATIVE.match(line))
+            if relative and not head and BLOCK.match(line):
+                raise ValueError("another trigger block begins, and relative stamps do not say when")
             stamp = STAMP.match(line)
             if stamp and head:
                 yield "internal events logged\n"

@@ -484,6 +484,19 @@ def test_relative_stamps_of_an_asc_log_add_up(tmp_path):
     np.testing.assert_allclose(np.degrees(found["handwheel_angle"]), 0.1 * np.arange(100), atol=1e-9)
 
 
+def test_the_time_between_blocks_of_relative_stamps_is_not_known(tmp_path):
+    frame = "   0.010000 1  100             Rx   d 2 10 00"
+    block = ["Begin Triggerblock Mon Sep 30 15:06:{:02}.000 2026", "   0.000000 Start of measurement", *[frame] * 30]
+    lines = ["base hex  timestamps relative", block[0].format(1), *block[1:], "End TriggerBlock"]
+    path, options = logged(tmp_path, STEER, [*lines, ""], ".asc")
+    assert read(path, NAMED, can=options)["handwheel_angle"].size == 30
+    path, options = logged(tmp_path, STEER, [*lines, block[0].format(40), *block[1:], ""], ".asc")
+    text = refusal(path, NAMED, can=options)
+    assert "another trigger block begins, and relative stamps do not say when" in text
+    until = float(text.split("--between 0 ")[1])
+    assert read(path, NAMED, can=options._replace(until=until))["handwheel_angle"].size == 29
+
+
 @pytest.mark.parametrize(
     ("lines", "suffix"),
     [
