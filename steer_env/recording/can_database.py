@@ -133,7 +133,7 @@ class Column(NamedTuple):
         """The raw values whose names say that they are no values, with these names.
 
         In a signal that counts or enumerates (every raw value has a name; or it has no unit, no scale and at most eight
-        bits, as a gear or a switch has), these are names such as "Invalid", "SNA", "Not available", "Unknown"; all
+        bits, as a gear or a switch has, and names for more than the last raw values of a byte), these are names such as "Invalid", "SNA", "Not available", "Unknown"; all
         other names are those of states, and stay numbers. In a signal that measures, they are also names such as
         "Error", "Fault", "Init", "Reserved", and, where it has no more than ``FEW`` names, any name of raw values that
         are the last ones of its bits, as 255 and 254 of eight; any other name, as 0 "Straight", is that of a value.
@@ -145,14 +145,18 @@ class Column(NamedTuple):
             # Databases also give a signed raw value as the unsigned one of the same bits, and the other way round.
             same_bits = -(1 << (signal.length - 1)) <= int(raw) < 1 << signal.length
             names[(int(raw) - lowest) % (1 << signal.length) + lowest if same_bits else int(raw)] = str(name)
+        ends = set()
+        for end, step in (highest, -1), (lowest, 1):
+            while end in names and end != 0:
+                ends.add(end)
+                end += step
         plain = not signal.unit and (signal.scale, signal.offset) == (1, 0) and signal.length <= 8
-        states = plain or len(names) > highest - lowest
+        counts = signal.length == 8 and names.keys() <= ends  # a byte of which only codes have names
+        states = (plain and not counts) or len(names) > highest - lowest
         words = rf"\b({NO_VALUE if states else f'{NO_VALUE}|{NO_READING}'})( ?\d+)?\b"
         codes = {raw for raw, name in names.items() if re.search(words, _words(name))}
-        for end, step in () if states or len(names) > FEW else ((highest, -1), (lowest, 1)):
-            while end in names and end != 0:
-                codes.add(end)
-                end += step
+        if not states and len(names) <= FEW:
+            codes |= ends
         return {raw: names[raw] for raw in codes if not re.search(ORDINARY, _words(names[raw]))}
 
     def read(self, data: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, np.ndarray, dict[str, int]]:
