@@ -133,10 +133,11 @@ class Column(NamedTuple):
         """The raw values whose names say that they are no values, with these names.
 
         In a signal that counts or enumerates (every raw value has a name; or it has no unit, no scale and at most eight
-        bits, as a gear or a switch has, and names for more than the last raw values of a byte), these are names such as "Invalid", "SNA", "Not available", "Unknown"; all
-        other names are those of states, and stay numbers. In a signal that measures, they are also names such as
-        "Error", "Fault", "Init", "Reserved", and, where it has no more than ``FEW`` names, any name of raw values that
-        are the last ones of its bits, as 255 and 254 of eight; any other name, as 0 "Straight", is that of a value.
+        bits, as a gear or a switch has, and names for more than the last raw values of a byte), these are names such as
+        "Invalid", "SNA", "Not available", "Unknown"; all other names are those of states, and stay numbers. In a signal
+        that measures, they are also names such as "Error", "Fault", "Init", "Reserved", and, where it has no more than
+        ``FEW`` names, any name of raw values that are the last ones of its bits, as 255 and 254 of eight; any other
+        name, as 0 "Straight", is that of a value.
         """
         signal = self.signal
         lowest, highest = _raw_range(signal)

@@ -67,13 +67,6 @@ class Options(NamedTuple):
     until: float = np.inf  # frames from this time on are not read [s]
 
 
-class Frames(NamedTuple):
-    """The frames of one message."""
-
-    time: np.ndarray  # (F,), strictly ascending [s]
-    values: dict[str, np.ndarray]  # values (F,) of each signal in its unit; NaN where there is none
-
-
 class Wanted(NamedTuple):
     """A column that is to be read."""
 
@@ -162,20 +155,6 @@ def open_table(path: str | PathLike[str], options: Options, sources: Sequence[st
         return _load(path, options, [wanted[place] for place in places], known, meta)
 
     return Table(columns, meta, False, load)
-
-
-def decoded(path: str | PathLike[str], options: Options) -> dict[str, Frames]:
-    """The frames of every message of the databases that occurs, at their own instants; errors as for ``open_table``."""
-    signals, _ = _signals(options)
-    log = _read(path, options, signals)
-    found: dict[str, Frames] = {}
-    for entry in signals:
-        if raw := log.frames.get(entry.message.key):
-            time, data, size = raw.arrays()
-            last = np.append(np.diff(time) > 0, True)
-            frames = found.setdefault(entry.message.label, Frames(time[last] - log.start, {}))
-            frames.values[entry.signal.name] = entry.read(data, size)[1][last]
-    return found
 
 
 def paths_of(dbc: str | PathLike[str] | Sequence[str | PathLike[str]]) -> Sequence[str | PathLike[str]]:

@@ -4,6 +4,7 @@ import gzip
 import sys
 from collections import defaultdict
 from pathlib import Path
+from typing import NamedTuple
 
 import can
 import cantools
@@ -13,7 +14,7 @@ import pytest
 from steer_env.experiments.cli.main import main
 from steer_env.metrics import RefusedError
 from steer_env.metrics.common.filtered_channels import FilteredChannels
-from steer_env.recording import can_log
+from steer_env.recording import can_database, can_log
 from steer_env.recording.files import read, write
 from steer_env.recording.recording import DEGREE
 from tests.needs import needs
@@ -39,6 +40,28 @@ def drive():
     return read(LOG, mapped(*ENTRIES), can=OPTIONS)
 
 
+class Frames(NamedTuple):
+    """The frames of one message, the last one of each time stamp."""
+
+    time: np.ndarray  # (F,) from the first frame of the log on [s]
+    values: dict[str, np.ndarray]  # (F,) of each signal in its unit
+
+
+def decoded():
+    """The frames of every message of the database that occurs in the log, at their own instants."""
+    with can.LogReader(LOG) as reader:
+        frames = list(reader)
+    found = {}
+    for entry in can_database.load([DBC])[0]:
+        latest = {f.timestamp: f.data for f in frames if f.arbitration_id == entry.message.frame_id}
+        data = np.array([list(frame) for frame in latest.values()], dtype=np.uint8)
+        if data.size:
+            time = np.array(list(latest)) - frames[0].timestamp
+            of_message = found.setdefault(entry.message.label, Frames(time, {}))
+            of_message.values[entry.signal.name] = entry.read(data, np.full(len(data), data.shape[1]))[1]
+    return found
+
+
 def test_every_frame_is_decoded_as_the_packages_give_it():
     database = cantools.database.load_file(DBC)
     stamps, values = defaultdict(list), defaultdict(list)
@@ -50,7 +73,7 @@ def test_every_frame_is_decoded_as_the_packages_give_it():
                 values[message.name].pop()
             stamps[message.name].append(frame.timestamp)
             values[message.name].append(message.decode(frame.data))
-    found = can_log.decoded(LOG, OPTIONS)
+    found = decoded()
     assert {name: frames.time.size for name, frames in found.items()} == {
         "KINEMATICS": 4974,
         "STEER_ANGLE_SENSOR": 4974,
@@ -68,7 +91,7 @@ def test_every_frame_is_decoded_as_the_packages_give_it():
 
 def test_the_database_is_what_the_bytes_say():
     """By hand, from the bytes of the first frames of the log."""
-    found = can_log.decoded(LOG, OPTIONS)
+    found = decoded()
     angle, speed, torque = found["STEER_ANGLE_SENSOR"], found["SPEED"], found["STEER_TORQUE_SENSOR"]
     first = [angle.values[name][0] for name in ("STEER_ANGLE", "STEER_FRACTION", "STEER_RATE")]
     assert first == pytest.approx([0.0, -0.4, 0.0])  # 025#00001000C00000FD: 12 bits 0x000, 4 bits 0xC, 12 bits 0x000
@@ -83,7 +106,7 @@ def test_rates_of_different_messages_come_to_one_time_base(drive):
     assert drive.meta["can"]["rate_hz"] == pytest.approx(drive.rate)
     assert drive.time[0] < 0.05
     assert drive.time[-1] > 59.9
-    speed = can_log.decoded(LOG, OPTIONS)["SPEED"]
+    speed = decoded()["SPEED"]
     for at in (7, 1000, 4001):
         after = np.searchsorted(speed.time, drive.time[at])
         (t0, t1), (v0, v1) = speed.time[after - 1 : after + 1], speed.values["SPEED"][after - 1 : after + 1] / 3.6
@@ -131,7 +154,7 @@ def test_angle_speed_yaw_rate_and_acceleration_agree_as_those_of_a_car(drive):
 def test_torque_stays_in_counts_and_its_metrics_are_refused(drive, tmp_path):
     assert drive.units["handwheel_torque"] == "counts"
     assert drive.meta["uncalibrated"] == "handwheel_torque"
-    counts = can_log.decoded(LOG, OPTIONS)["STEER_TORQUE_SENSOR"].values["STEER_TORQUE_DRIVER"]
+    counts = decoded()["STEER_TORQUE_SENSOR"].values["STEER_TORQUE_DRIVER"]
     assert counts.min() <= drive["handwheel_torque"].min() < -100
     with pytest.raises(RefusedError, match="handwheel_torque is in counts of its sensor, uncalibrated"):
         FilteredChannels(drive, 1.0)["handwheel_torque"]  # which every metric reads
