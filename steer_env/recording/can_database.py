@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from steer_env.friction.numerics.check import number
+from steer_env.recording.csv_file import encoding_of
 
 LONGEST = 64  # signal that is read [bit]
 LARGEST = 1e30  # number of a database [unit of its signal]
@@ -344,11 +345,12 @@ def _messages(path: str | PathLike[str], left: dict[str, str]) -> list[Any]:
     except ImportError:
         raise ValueError("CAN logs need the packages python-can and cantools: pip install '.[can]'") from None
     try:
-        return list(getattr(cantools.database.load_file(path, strict=False), "messages", []))
+        database = cantools.database.load_file(path, encoding=encoding_of(path), strict=False)
+        return list(getattr(database, "messages", []))
     except OSError:
         raise
     except Exception as error:  # cantools raises those of its parsers
-        text = Path(path).read_text(encoding="cp1252", errors="replace")
+        text = Path(path).read_text(encoding=encoding_of(path), errors="replace")
         found = _in_parts(text, cantools.database.load_string, left)
         if found:
             return found

@@ -76,7 +76,7 @@ class _Layout(NamedTuple):
 @_undamaged()
 def open_table(path: str | PathLike[str]) -> Table:
     """Read the header and the meta; the table's ``load`` reads the rows."""
-    encoding = _encoding(path)
+    encoding = encoding_of(path)
     with _text(path, encoding) as file:
         lines = _decoded(file)
         top: list[str] = []  # the lines up to the first one that is no comment, and some more
@@ -235,7 +235,7 @@ def _text(path: str | PathLike[str], encoding: str) -> IO[str]:
     return gzip.open(path, "rt", encoding=encoding) if compressed(path) else open(path, encoding=encoding)
 
 
-def _encoding(path: Any) -> str:
+def encoding_of(path: Any) -> str:
     """UTF-16 by its mark; UTF-8 if the first lines are UTF-8; else Latin-1, for degree signs of older tools."""
     with gzip.open(path) if compressed(path) else open(path, "rb") as file:
         if file.read(2) in (b"\xff\xfe", b"\xfe\xff"):

@@ -26,6 +26,16 @@ def values(column, raw):
     return column.read(data, np.full(len(raw), 8))
 
 
+@pytest.mark.parametrize("encoding", ["cp1252", "utf-8", "utf-8-sig", "utf-16"])
+@pytest.mark.parametrize("defect", ["", "VAL_ 256 ANGLE 1 Grün ;\n"])
+def test_encodings(tmp_path, encoding, defect):
+    text = HEAD + f'BO_ 256 M: 8 A\n SG_ S : 0|8@1+ (0.1,0) [0|0] "°" A\nVAL_ 256 S 7 "ungültig" ;\n{defect}'
+    (tmp_path / "a.dbc").write_text(text, encoding=encoding)
+    (column,), left = can_database.load([tmp_path / "a.dbc"])
+    assert (column.signal.unit, left) == ("°", {})
+    assert values(column, [7])[2] == {"7 (ungültig)": 1}
+
+
 def test_bits_are_read_as_cantools_reads_them(tmp_path):
     """Random signals of both byte orders, signed, unsigned and of floating point, in frames of random bytes."""
     draw = random.Random(1)
