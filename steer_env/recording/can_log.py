@@ -256,6 +256,11 @@ def _signal(
         values = signed if part is column.sign else values + read
         if codes:
             tell(meta, NO_VALUE, part.label, codes)
+            notes += [
+                f"{part.label}: most values are {code}; if that range is wrong, set it to [0|0] in the database"
+                for code, count in codes.items()
+                if code.startswith("beyond") and 2 * count > np.count_nonzero(held)
+            ]
             counted += [f"{count} of {part.label} have {code}" for code, count in codes.items()]
     least = max(can_database.bytes_of(part.signal) for part in column.parts)
     short = np.count_nonzero(size < least)

@@ -66,6 +66,15 @@ _OTHERS = {
     "%": ("1", 1e-2),
     "-": ("1", 1.0),
 }
+# Names in databases of Volkswagen's CAN, in the same form.
+_NAMES = {
+    "Unit/DegreOfArc": ("rad", DEGREE),
+    "Unit/DegreOfArcPerSecon": ("rad/s", DEGREE),
+    "Unit/NewtoMeter": ("N m", 1.0),
+    "Unit/centiNewtoMeter": ("N m", 1e-2),
+    "Unit/KiloMeterPerHour": ("m/s", 1 / 3.6),
+    "Unit/MeterPerSeconSquar": ("m/s2", 1.0),
+}
 _SPELLINGS = {suffix.replace("_", "/"): (unit, size) for unit, (suffix, size) in FILE_UNITS.items()}
 _SPELLINGS |= {unit.replace(" ", ""): (unit, 1.0) for unit in FILE_UNITS}
 _SPELLINGS |= _OTHERS
@@ -80,7 +89,7 @@ SPELLINGS = ", ".join(_SPELLINGS)  # for messages
 def parse_unit(text: str) -> tuple[str, float] | None:
     """Unit in memory of a spelling such as "deg/s", "°/s", "deg_s" or "N*m", and the value of one; None if unknown."""
     plain = _normalised(text)
-    return _SPELLINGS.get(plain) or _SPELLINGS.get(_ANY_CASE.get(plain.lower(), ""))
+    return _SPELLINGS.get(plain) or _NAMES.get(plain) or _SPELLINGS.get(_ANY_CASE.get(plain.lower(), ""))
 
 
 def spellings(unit: str | None) -> str:

@@ -388,6 +388,20 @@ def swapped(value):
     return int.from_bytes((int(value) % 65536).to_bytes(2, "little"), "big")
 
 
+def test_a_range_that_most_values_are_beyond_is_told(tmp_path):
+    """As that of the hand torque of Volkswagen in opendbc, which is in N m and the signal in N cm."""
+    torque = 'BO_ 256 EPS: 8 A\n SG_ TORQUE : 0|10@1+ (1,0) [0|8] "Unit_centiNewtoMeter" A\n'
+    path, options = logged(tmp_path, HEAD + torque, angles(0.01 * np.arange(50), np.arange(50)))
+    named = mapped("handwheel_torque=TORQUE")
+    found = read(path, named, can=options)
+    assert np.isnan(found["handwheel_torque"]).sum() == 41
+    assert "most values are beyond [0|8]; if that range is wrong, set it to [0|0]" in found.meta["can"]["notes"][0]
+    path, options = logged(tmp_path, HEAD + torque.replace("0|8", "0|0"), angles(0.01 * np.arange(50), np.arange(50)))
+    found = read(path, named, can=options)
+    np.testing.assert_allclose(found["handwheel_torque"], 0.01 * np.arange(50), atol=1e-9)
+    assert "notes" not in found.meta["can"]
+
+
 def test_a_sign_in_a_signal_of_its_own(tmp_path):
     """The wheel passes straight ahead between two frames; there the line is between values with their signs."""
     truth = np.linspace(-20, 20, 50).round(1)
