@@ -183,11 +183,13 @@ class Column(NamedTuple):
         Raises
         ------
         ValueError
-            If the signal has more than ``LONGEST`` bits, or a number that it cannot be scaled with.
+            If the signal has more than ``LONGEST`` bits, or a number that it cannot be scaled with, as 0.
         """
         signal = self.signal
         for key in ("scale", "offset"):
             number(f"{key} of {self.label}", getattr(signal, key), minimum=-LARGEST, maximum=LARGEST)
+        if signal.scale == 0:
+            raise ValueError(f"the scale of {self.label} is 0")
         with np.errstate(invalid="ignore", over="ignore"):  # of floating-point numbers that are none
             there, raw = selected(self.message, signal, data, size), raw_values(signal, data)
             values = raw * float(signal.scale) + float(signal.offset)

@@ -184,7 +184,7 @@ def _place(
         hint = f"did you mean {' or '.join(entry.label for entry in alike)}?"
         raise ValueError("; ".join((wanted, *reasons, hint)))
     for label, reason in left.items():
-        if name in (label, label.rpartition(".")[2]) or name.startswith(f"{label}."):
+        if name in (label, label.rpartition(":")[2], label.rpartition(".")[2]) or name.startswith(f"{label}."):
             raise ValueError(f"{label} of the database cannot be read ({reason})")
     if name == source:
         return None

@@ -443,6 +443,18 @@ def test_what_two_databases_name_is_asked_for(tmp_path):
         np.testing.assert_allclose(np.degrees(found["handwheel_angle"]), 10.0)
 
 
+@pytest.mark.parametrize(
+    ("database", "reason"),
+    [
+        (STEER + STEER.removeprefix(HEAD).replace("256", "512"), "it is defined twice, in different ways"),
+        (STEER.replace("(0.1,0)", "(0,0)"), "the scale of STEER.ANGLE is 0"),
+    ],
+)
+def test_what_a_database_does_not_define_is_refused_by_name(tmp_path, database, reason):
+    path, options = logged(tmp_path, database, angles(0.01 * np.arange(50), range(50)))
+    assert reason in refusal(path, mapped("handwheel_angle=STEER.ANGLE"), can=options)
+
+
 def test_a_doubled_stamp_is_told_and_the_last_of_its_frames_kept(tmp_path):
     times = 0.01 * np.arange(50)
     times[20] = times[21]
