@@ -98,8 +98,8 @@ class Column(NamedTuple):
         for other in self.message.signals:
             words = _words(other.name)
             stem = re.sub(rf"\b({SIGN})\b *", "", words).strip()
-            mine = own == stem or (len(stem) > 2 and own.startswith(stem))
-            if other.length <= LONGEST_SIGN and stem != words and mine:
+            mine = set(stem.split()) <= set(own.split()) or (len(stem) > 2 and own.startswith(stem))
+            if other.length <= LONGEST_SIGN and stem not in (words, "") and mine:
                 return self._replace(label=f"{self.label.rpartition('.')[0]}.{other.name}", signal=other)
         return None
 

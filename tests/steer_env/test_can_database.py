@@ -138,6 +138,7 @@ def test_what_is_not_available_in_j1939_is_no_value(tmp_path, length, raw, expec
         ("Giergeschwindigkeit", "Vorzeichen_der_Giergeschwindigk"),
         ("STEER_ANGLE", "STEER_DIRECTION"),
         ("LW", "LW_Sign"),
+        ("LW1_Lenk_Gesch", "LW1_Gesch_Sign"),
     ],
 )
 @pytest.mark.parametrize("bits", [1, 2])
