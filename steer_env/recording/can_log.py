@@ -132,8 +132,8 @@ def open_table(path: str | PathLike[str], options: Options, sources: Sequence[st
     columns, wanted = [], []
     for entry in signals:
         name = entry.label if entry.apart or named[entry.signal.name] > 1 else entry.signal.name
-        unit, sign = entry.signal.unit or None, entry.sign
-        signed = (sign.label, sign.negative) if sign else ()
+        unit, own = entry.signal.unit or None, entry.sign
+        signed = (own.label, own.negative) if own else ()
         columns.append(Column(entry.label, name, unit, parse_unit(unit or ""), *signed))
         wanted.append(Wanted(entry.label, [entry], None))
     for source in dict.fromkeys(sources):
