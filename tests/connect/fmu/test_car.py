@@ -1,6 +1,5 @@
 """The exported car against the plant in Python, the standard's rules and a C importer."""
 
-import ctypes
 import dataclasses
 import json
 import math
@@ -8,7 +7,6 @@ import re
 import shutil
 import subprocess
 import sys
-import time
 import zipfile
 from itertools import product
 from pathlib import Path
@@ -22,7 +20,6 @@ from steer_env import friction, manoeuvres
 from steer_env.connect import fmu
 from steer_env.connect.variables import variables
 from steer_env.friction.numerics.frozen import frozen
-from steer_env.friction.numerics.kernel import bind
 from steer_env.vehicle import cars, plant, subsystems
 from tests.connect.fmu.runs import STEP, begin, bits, hand_names, opened, replay
 from tests.needs import needs
@@ -84,9 +81,7 @@ SITES = {*zip((f"{WORM}+lugre,F_c=0.1@upper_column", f"{WORM}+coulomb,F_c=0.1@up
 @pytest.mark.parametrize(("law", "chassis"), sorted(CARS | SITES))
 def test_a_whole_weave_with_every_law(law, chassis, tmp_path):
     m = dataclasses.replace(manoeuvres.make("weave"), chassis=chassis)
-    begun = time.process_time()  # which other work on the machine does not lengthen
     path = fmu.export(tmp_path / "car.fmu", friction=law, chassis=chassis, speed=m.speed, robot=True, cpu="native")
-    assert time.process_time() - begun < 60.0
     assert path.stat().st_size < 2e6
     assert validation.validate_fmu(str(path)) == []
     expected, found = compared(m, path, tmp_path / "unit", law, m.duration)
@@ -470,47 +465,6 @@ def test_valgrind_finds_nothing(tmp_path):
     command = ["valgrind", "--error-exitcode=9", "--leak-check=full", "--quiet", built_harness(tmp_path)]
     done = subprocess.run([*command, *unpacked(path, tmp_path), "check", "200", "20"], capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
-
-
-LOOP = """
-int loop(int (*step)(void *, double, double, int), void *unit, double start, long count)
-{
-    int status = 0;
-    for (long i = 0; i < count; i++)
-        status |= step(unit, start + 1e-3 * i, 1e-3, 1);
-    return status;
-}
-"""
-
-
-@pytest.mark.whole
-def test_a_step_takes_as_long_as_the_kernel(weave, tmp_path):
-    """Steps of 1 ms from C, against the kernel that advances one plant over as many samples in one call."""
-    (tmp_path / "loop.c").write_text(LOOP)
-    command = ["cc", "-O2", "-shared", "-fPIC", tmp_path / "loop.c", "-o", tmp_path / "loop.so"]
-    subprocess.run(command, check=True)
-    loop = ctypes.CDLL(str(tmp_path / "loop.so")).loop
-    loop.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_double, ctypes.c_long]
-    m, path = weave
-    p = manoeuvres.build_plant(cars.load("compact"), m, "lugre")
-    count = 2000
-    state, row = plant.settled(p)
-    arguments = plant.bound(p), state, np.zeros((count, len(plant.INPUTS))), np.zeros((count, row.size)), 1
-    run, kernels, steps = bind(plant.run, *arguments), [], []
-    with opened(path, tmp_path / "unit") as (unit, _, _):
-        begin(unit)
-        step = ctypes.cast(unit.dll.fmi2DoStep, ctypes.c_void_p)
-        for i in range(1000):  # the least of many, in turns, as the machine does other things too
-            times = [time.perf_counter()]
-            run(*arguments)
-            times.append(time.perf_counter())
-            assert loop(step, unit.component, i * count * STEP, count) == 0
-            times.append(time.perf_counter())
-            kernels.append((times[1] - times[0]) / count)
-            steps.append((times[2] - times[1]) / count)
-    print(f"kernel {min(kernels) * 1e9:.0f} ns, step of the unit {min(steps) * 1e9:.0f} ns")
-    # 1.15 to 1.18 was measured; the limit is for machines with other caches, and finds a step that does work twice.
-    assert min(steps) < 1.5 * min(kernels)
 
 
 @pytest.mark.whole

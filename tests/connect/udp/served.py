@@ -1,4 +1,4 @@
-"""A server in a process of its own, a client whose packets suffer faults, and a bare echo to compare with."""
+"""A server in a process of its own, and a client whose packets suffer faults."""
 
 import json
 import random
@@ -14,14 +14,6 @@ from steer_env.vehicle import cars, subsystems
 
 ROOT = Path(__file__).parents[3]
 COMMAND = [sys.executable, "-m", "steer_env.experiments.cli.main", "serve", "--json"]
-ECHO = """
-import socket
-link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-link.bind(("127.0.0.1", 0))
-print(link.getsockname()[1], flush=True)
-while True:
-    link.sendto(*link.recvfrom(4096))
-"""
 
 
 def part_of(name="car", speed=100.0 / 3.6, **options):
@@ -51,17 +43,6 @@ def serving(*options, end=signal.SIGINT):
         process.send_signal(end)
         said, _ = process.communicate(timeout=60)
         process.counts = json.loads(said)["counts"]
-    finally:
-        process.kill()
-        process.communicate()
-
-
-@contextmanager
-def echoing():
-    """The address of a process that sends back what it receives, in Python."""
-    process = subprocess.Popen([sys.executable, "-c", ECHO], stdout=subprocess.PIPE, text=True)
-    try:
-        yield "127.0.0.1", int(process.stdout.readline())
     finally:
         process.kill()
         process.communicate()

@@ -3,24 +3,21 @@
 import importlib.util
 import json
 import math
-import secrets
 import shutil
 import signal
 import socket
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from steer_env.connect.udp import Client, Server, Stream, layout_of
-from steer_env.connect.udp.packets import KINDS
 from steer_env.experiments.cli.main import main
 from steer_env.vehicle import plant
 from steer_env.vehicle.subsystems import CLASSES, advance
-from tests.connect.udp.served import ROOT, FaultyClient, echoing, layout, part_of, serving
+from tests.connect.udp.served import ROOT, FaultyClient, layout, part_of, serving
 
 if sys.platform != "linux":
     pytest.skip("the server needs Linux", allow_module_level=True)
@@ -153,38 +150,6 @@ def test_faults_of_the_network_change_nothing():
     assert counts["repeated"] >= injected["doubled"] > 0
     print(counts, f"grown by {growth:.3f} MB")
     assert growth < 0.5  # 22 bytes of an exchange, less than an object of Python
-
-
-def exchanges(address, requests):
-    """Time of sending each request and receiving its answer [s]."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as link:
-        link.settimeout(5.0)
-        link.connect(address)
-        start = time.perf_counter()
-        for request in requests:
-            link.send(request)
-            link.recv(4096)
-        return time.perf_counter() - start
-
-
-def test_rate_beside_a_bare_echo():
-    """Lockstep against an echo of the same packets by a Python process, in turns; the packets are made before."""
-    rounds, n = 7, 1000
-    times = {"echo": [], "lockstep": []}
-    with serving() as process, echoing() as echo:
-        for _ in range(rounds):
-            client = Client.__new__(Client)
-            client.layout, client.session, client.sequence = layout(), secrets.randbits(64), 0
-            requests = []
-            for kind in ["open", *["step"] * n, "close"]:
-                requests.append(client.request(KINDS[kind], samples=1))
-                client.sequence += 1
-            times["echo"].append(exchanges(echo, requests))
-            times["lockstep"].append(exchanges(process.address, requests))
-    assert process.counts["steps"] == rounds * n
-    echo, lockstep = (1e6 * float(np.median(times[name])) / n for name in ("echo", "lockstep"))
-    print(f"an exchange takes {echo:.1f} us with the echo and {lockstep:.1f} us with the server: {echo / lockstep:.2f}")
-    assert echo / lockstep > 0.5
 
 
 def test_ends_on_sigterm_too_and_refuses_in_words(capsys):
