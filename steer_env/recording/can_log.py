@@ -39,7 +39,7 @@ import numpy as np
 from steer_env.recording import can_database, own_process
 from steer_env.recording.can_database import Message, group_of, identifier, selected
 from steer_env.recording.channel_mapping import SIGNED, did_you_mean
-from steer_env.recording.table import DOUBLED, NO_VALUE, Column, Table, Values, tell
+from steer_env.recording.table import NO_VALUE, Column, Table, Values, last_of_stamp, tell
 from steer_env.recording.units import parse_unit
 
 SUFFIXES = (".blf", ".asc", ".log", ".trc", ".asc.gz", ".log.gz", ".trc.gz")
@@ -207,11 +207,9 @@ def _load(
     clock = None  # numbers, instants and cycle time of the fastest message
     for k, (stamps, values, numbers) in sorted(usable.items(), key=lambda pair: -pair[1][0].size):
         message = wanted[k].parts[0].message
-        last = np.append(np.diff(stamps) > 0, True)
         if batch is None:
-            placed[k] = stamps[last], values[last]
-            if not last.all():
-                tell(meta, DOUBLED, message.label, int(np.count_nonzero(~last)))
+            kept = last_of_stamp(meta, message.label, stamps)
+            placed[k] = stamps[kept], values[kept]
             continue
         stamps = _stamps(stamps)
         time, cycle = _spread(stamps, message.cycle)
@@ -219,7 +217,7 @@ def _load(
         ticks = clock[1][np.maximum(np.searchsorted(clock[0], numbers, side="right") - 1, 0)]
         placed[k] = time + np.mean(ticks - time), values
         notes.append(
-            f"{message.label}: the log stamps frames in batches of {batch:.3g} s; {last.size} frames with "
+            f"{message.label}: the log stamps frames in batches of {batch:.3g} s; {values.size} frames with "
             f"{np.unique(stamps).size} stamps are spread by the cycle time of {cycle:.3g} s, against those of other "
             f"messages to within {clock[2]:.3g} s"
         )
