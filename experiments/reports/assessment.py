@@ -193,7 +193,7 @@ def assess(
     test: str | None = None,
     wanted: targets.Targets | None = None,
     allowed: Mapping[str, simulation_vs_measurement.Tolerance] | None = None,
-    timing: float = 0.0,
+    timing: float | None = None,
     noticed: float = just_noticeable.SHARE,
     compare: bool = True,
     **given: Any,
@@ -210,7 +210,7 @@ def assess(
         Target bands that the values are rated by.
     allowed : mapping of str to Tolerance, optional
         Tolerances by channel; if given, the second recording is compared with the boundaries around the first.
-    timing : float
+    timing : float, optional
         Bound on the unknown delay between channels, as for :func:`steer_env.metrics.evaluate` [s].
     noticed : float
         Just-noticeable difference of a sustained torque or angle, as for :func:`just_noticeable.perception` [1].

@@ -17,8 +17,9 @@ Frames of one message with one time stamp: where these are more than ``BATCHED``
 batches, and the frames are spread over the time before the stamp, see ``_spread``; of others the last is kept. Both are
 told. A computer that stamps the frames of a batch one by one, as an adapter hands them over, gives stamps that are less
 than ``BURST`` apart; these are taken as one. What a log of batches has of the time between messages is the order of
-their frames: each message is moved as a whole so that its frames come, on average, with those of the fastest message
-that precede them.
+their frames: each message is moved as a whole so that its frames are, on average, midway between those of the fastest
+message that come before and after them. The truth is within half the cycle time of that one, which the meta
+``timing_error_s`` tells by message, and by which the intervals of metrics are widened.
 
 A message of J1939 that does not occur under its own identifier is taken from the one source address from which its
 parameter group comes.
@@ -39,7 +40,7 @@ import numpy as np
 from steer_env.recording import can_database, own_process
 from steer_env.recording.can_database import Message, group_of, identifier, selected
 from steer_env.recording.channel_mapping import SIGNED, did_you_mean
-from steer_env.recording.table import NO_VALUE, Column, Table, Values, last_of_stamp, tell
+from steer_env.recording.table import NO_VALUE, TIMING, Column, Table, Values, last_of_stamp, tell
 from steer_env.recording.units import parse_unit
 
 SUFFIXES = (".blf", ".asc", ".log", ".trc", ".asc.gz", ".log.gz", ".trc.gz")
@@ -98,6 +99,22 @@ class Raw:
         """The time (F,), the bytes (F, B) and the sizes (F,)."""
         data = np.frombuffer(self.data, dtype=np.uint8).reshape(len(self.time), self.width)
         return np.array(self.time), data, np.array(self.size)
+
+
+class Clock(NamedTuple):
+    """The fastest message of a log that stamps its frames in batches."""
+
+    message: Message
+    numbers: np.ndarray  # (F,) of its frames among all of the log
+    time: np.ndarray  # (F,) [s]
+    within: float  # largest distance of other messages from where it places them: half its cycle time [s]
+
+    def between(self, numbers: np.ndarray) -> np.ndarray:
+        """The instants (N,) midway between the frames before and after those with these numbers (N,) [s]."""
+        last = self.numbers.size - 1
+        before = np.searchsorted(self.numbers, numbers, side="right") - 1
+        after = np.searchsorted(self.numbers, numbers)
+        return (self.time[np.clip(before, 0, last)] + self.time[np.clip(after, 0, last)]) / 2
 
 
 class Log(NamedTuple):
@@ -204,7 +221,8 @@ def _load(
         return [np.empty(0), *map(str, found)]
     batch = _batch([stamps for stamps, _, _ in usable.values()])
     placed: dict[int, tuple[np.ndarray, np.ndarray]] = {}
-    clock = None  # numbers, instants and cycle time of the fastest message
+    late: dict[str, dict[str, Any]] = {}  # columns of each message, and how far from the truth they may be together
+    clock = None
     for k, (stamps, values, numbers) in sorted(usable.items(), key=lambda pair: -pair[1][0].size):
         message = wanted[k].parts[0].message
         if batch is None:
@@ -213,14 +231,20 @@ def _load(
             continue
         stamps = _stamps(stamps)
         time, cycle = _spread(stamps, message.cycle)
-        clock = clock or (numbers, time, cycle)
-        ticks = clock[1][np.maximum(np.searchsorted(clock[0], numbers, side="right") - 1, 0)]
-        placed[k] = time + np.mean(ticks - time), values
-        notes.append(
+        clock = clock or Clock(message, numbers, time, cycle / 2)
+        placed[k] = time + np.mean(clock.between(numbers) - time), values
+        note = (
             f"{message.label}: the log stamps frames in batches of {batch:.3g} s; {values.size} frames with "
-            f"{np.unique(stamps).size} stamps are spread by the cycle time of {cycle:.3g} s, against those of other "
-            f"messages to within {clock[2]:.3g} s"
+            f"{np.unique(stamps).size} stamps are spread by the cycle time of {cycle:.3g} s"
         )
+        if message.key != clock.message.key:
+            note += f", to within {clock.within:.3g} s of those of {clock.message.label}"
+            late.setdefault(message.label, {"channels": [], "seconds": clock.within})["channels"].append(
+                wanted[k].label
+            )
+        notes.append(note)
+    if late:
+        meta[TIMING] = list(late.values())
     base = _time_base([time for time, _ in placed.values()])
     rate = float(1 / (base[1] - base[0]))
     meta["can"] = {"method": METHOD, "rate_hz": rate, "first_frame_s": log.start, "messages": told}

@@ -18,7 +18,7 @@ from steer_env.recording import can_log, csv_file, mat_file, mdf_file, parquet_f
 from steer_env.recording import channel_mapping as mappings
 from steer_env.recording.channel_mapping import KNOWN, Entry, Mapping, did_you_mean
 from steer_env.recording.recording import Recording
-from steer_env.recording.table import Column, Table, Values, last_of_stamp, time_place
+from steer_env.recording.table import TIMING, Column, Table, Values, last_of_stamp, time_place
 from steer_env.recording.units import COUNTS, FILE_UNITS, SPELLINGS, parse_unit, spellings
 
 # Suffix -> module with `save` and `open_table`, which returns a table.Table; can_log has no `save`.
@@ -102,6 +102,10 @@ def read(
                 left.append(f"{label} (no values)")
             else:
                 channels[name], units[name] = _value(choice, values), choice.unit
+        if TIMING in table.meta and can_log.recognised(path, can):
+            names = {choice.column.label: choice.entry.name for choice in choices}
+            for each in table.meta[TIMING]:
+                each["channels"] = [names[label] for label in each["channels"]]
         if left and not channels:
             raise ValueError(
                 f"none of the columns {_listed(left)} can be read: each needs numbers and a unit ({SPELLINGS}); "

@@ -18,6 +18,9 @@ import numpy as np
 from steer_env.recording.units import FILE_UNITS, parse_unit, split_unit
 
 NO_VALUE, DOUBLED = "no_value", "doubled_stamps"  # keys of the meta
+# The same, of channels whose time is known less well than that of the others: a list of dicts with ``channels``, which
+# are late or early together, and the largest error in ``seconds``.
+TIMING = "timing_error_s"
 MOST_DOUBLED = 0.1  # share of samples with the stamp of another, above which stamps are those of blocks; assumed [1]
 
 

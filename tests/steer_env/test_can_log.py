@@ -3,6 +3,7 @@
 import gzip
 import sys
 from collections import defaultdict
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,14 +12,15 @@ import cantools
 import numpy as np
 import pytest
 
+from steer_env import metrics
 from steer_env.experiments.cli.main import main
 from steer_env.metrics import RefusedError
 from steer_env.metrics.common.filtered_channels import FilteredChannels
 from steer_env.recording import can_database, can_log
 from steer_env.recording.files import read, write
-from steer_env.recording.recording import DEGREE
+from steer_env.recording.recording import DEGREE, Recording
 from tests.needs import needs
-from tests.steer_env.recorded import mapped, refusal
+from tests.steer_env.recorded import UNITS, made_weave, mapped, refusal
 
 FOLDER = Path(__file__).parents[2] / "examples" / "can_log"
 LOG, DBC = FOLDER / "rav4_2017_can_60s.log.gz", FOLDER / "toyota_rav4_2017.dbc"
@@ -507,7 +509,7 @@ def test_a_log_of_one_time_stamp_is_refused(tmp_path):
 
 
 def test_messages_of_batches_keep_the_order_of_their_frames(tmp_path):
-    """Two messages of unlike cycle times that are sent together have the same instants."""
+    """Two messages of unlike cycle times that are sent together come half the cycle of the faster one apart at most."""
     database = STEER + 'BO_ 257 SLOW: 8 A\n SG_ TORQUE : 0|16@1- (0.1,0) [0|0] "Nm" A\n'
     true = 0.01 * np.arange(1000)
     value = np.round(1000 * np.sin(true))
@@ -516,8 +518,69 @@ def test_messages_of_batches_keep_the_order_of_their_frames(tmp_path):
     lines = [line for k, pair in enumerate(zip(fast, slow)) for line in pair[: 2 - (k % 5 > 0)]]
     path, options = logged(tmp_path, database, lines)
     found = read(path, mapped("handwheel_angle=ANGLE", "handwheel_torque=TORQUE"), can=options)
-    np.testing.assert_allclose(np.degrees(found["handwheel_angle"]), found["handwheel_torque"], atol=0.2)
-    assert "against those of other messages to within 0.01 s" in found.meta["can"]["notes"][1]
+    most = 0.005 * 100 + 0.1  # of the steepest slope, and of counts and straight lines
+    np.testing.assert_allclose(np.degrees(found["handwheel_angle"]), found["handwheel_torque"], atol=most)
+    assert "to within 0.005 s of those of STEER" in found.meta["can"]["notes"][1]
+    assert found.meta["timing_error_s"] == [{"channels": ["handwheel_torque"], "seconds": pytest.approx(0.005)}]
+
+
+MOTION = HEAD + (
+    'BO_ 256 EPS: 8 A\n SG_ ANGLE : 0|32@1- (1e-7,0) [0|0] "deg" A\n SG_ TORQUE : 32|32@1- (1e-7,0) [0|0] "Nm" A\n'
+    'BO_ 257 ESP: 8 A\n SG_ AY : 0|32@1- (1e-7,0) [0|0] "m/s2" A\n SG_ YAW : 32|32@1- (1e-7,0) [0|0] "deg/s" A\n'
+)
+ALL = ("handwheel_angle=ANGLE", "handwheel_torque=TORQUE", "lateral_acceleration=AY", "yaw_rate=YAW")
+
+
+def weave_at(time):
+    """Angle [deg], torque [N m], lateral acceleration [m/s2] and yaw rate [deg/s] of a weave, (4, T)."""
+    steer = 2 * np.pi * 0.2 * time
+    torque = 2.3 * np.tanh(np.sin(steer - 0.05)) + 0.35 * np.tanh(6 * np.cos(steer))
+    return np.array([14 * np.sin(steer), torque, 2 * np.sin(steer - 0.2), 4.6 * np.sin(steer - 0.12)])
+
+
+@pytest.mark.parametrize("batch", [0.02, 0.05])
+def test_intervals_of_a_log_of_batches_hold_the_truth(tmp_path, batch):
+    """Messages of 100 and 50 Hz whose instants nobody knows, with lost frames: the truth is that of 1 kHz."""
+    dense = np.arange(0, 60, 1e-3)
+    truth = dict(zip(UNITS, weave_at(dense)))
+    truth |= {name: np.radians(truth[name]) for name in ("handwheel_angle", "yaw_rate")}
+    test = {"manoeuvre": "weave", "speed_m_s": 27.8}
+    expected = metrics.evaluate(Recording(dense, truth, UNITS, test))
+    held = []
+    for seed in range(12):
+        draw = np.random.default_rng(seed)
+        frames = []
+        for identifier, cycle in ((0, 0.01), (1, 0.02)):
+            sent = draw.uniform(0, cycle) + np.arange(0, 60 - cycle, cycle * (1 + draw.uniform(-5e-5, 5e-5)))
+            sent = sent[draw.uniform(size=sent.size) > 0.001]
+            words = np.round(1e7 * weave_at(sent)[2 * identifier : 2 * identifier + 2]).astype("<i4")
+            frames += [(t, identifier, word.tobytes().hex()) for t, word in zip(sent, words.T)]
+        lines = [f"({5 + np.ceil(t / batch) * batch:.6f}) can0 10{k}#{data}" for t, k, data in sorted(frames)]
+        path, options = logged(tmp_path, MOTION, lines)
+        found = metrics.evaluate(read(path, mapped(*ALL, **test), can=options).bridged())
+        for name, value in ((name, each.value) for name, each in expected.items() if not each.reason):
+            slack = 5e-4 * abs(value)  # of the straight lines between frames
+            held.append(found[name].low - slack <= value <= found[name].high + slack)
+    assert len(held) > 150
+    assert np.mean(held) >= 0.95
+
+
+def test_what_a_recording_says_of_its_timing_widens_intervals():
+    """By its channels alone, or of all by one number; a bound of the user goes before it."""
+    weave = made_weave()
+    test = {"manoeuvre": "weave", "speed_m_s": 27.8}
+
+    def width(timing=None, **meta):
+        value = metrics.evaluate(replace(weave, meta={**test, **meta}), timing=timing)["yaw_lag"]
+        return value.high - value.low
+
+    told = [{"channels": ["yaw_rate", "not_there"], "seconds": 0.005}]
+    assert width(timing_error_s=told) == pytest.approx(width() + 10.0, rel=0.01)  # ms
+    assert width(timing_error_s=0.005) == pytest.approx(width(0.005))
+    assert width(0.0, timing_error_s=told) == width()
+    for wrong in ([5], "much", -1.0, [{"channels": ["yaw_rate"], "seconds": -1.0}]):
+        with pytest.raises(ValueError, match="timing_error_s"):
+            width(timing_error_s=wrong)
 
 
 def test_relative_stamps_of_an_asc_log_add_up(tmp_path):

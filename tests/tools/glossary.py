@@ -43,7 +43,8 @@ The interval of a metric is the 95 % interval of the mean over the repeats (Stud
 bootstrap), made wider at both ends by the change of the metric
 
 - when every low-pass is applied twice. Where the cycles of a simulation repeat themselves, this is nearly all of it;
-- when a channel is shifted by `--timing-ms`, where that is given;
+- when a channel is shifted by `--timing-ms`, or else by `timing_error_s`, which a mapping declares [s], or which a CAN
+  log that stamps frames in batches has for the channels of each message;
 - when the hand torque is divided by 1 +- `torque_scale_error`, which a mapping declares: `[meta]`,
   `torque_scale_error = 0.02` for a sensor whose scale is known to 2 %;
 - in weave and slow ramp, when the road is taken to bend as much as lateral acceleration and yaw rate both say;

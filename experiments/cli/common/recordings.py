@@ -40,8 +40,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     options.add(parser, "--speed-kph", "at which the test was driven", otherwise="that of the recording, or the test's")
     text = "frequency of the steering in the test [Hz]"
     parser.add_argument("--frequency-hz", metavar="HZ", type=options.real, help=text)
-    text = "bound on the unknown delay between channels, in either direction [ms] (default: 0)"
-    parser.add_argument("--timing-ms", metavar="MS", type=options.real, default=0.0, help=text)
+    text = (
+        "bound on the unknown delay between channels, in either direction [ms] (default: what the recording says, or 0)"
+    )
+    parser.add_argument("--timing-ms", metavar="MS", type=options.real, help=text)
     options.add_noticed(parser)
     text = "for index.html and evaluation.json, replaced as a whole"
     options.add_page(parser, text, otherwise="none is written", full=True)
@@ -94,7 +96,7 @@ def assess(given: list[str], args: argparse.Namespace, tolerances: str | None, c
     conditions = _conditions(args)
     told = {label: path + _mapped(places[label], args) for label, path in zip(labels, paths) if label in recordings}
     _check_conditions({told[label]: each for label, each in recordings.items()}, args.manoeuvre, conditions, compare)
-    timing = 1e-3 * number("--timing-ms", args.timing_ms, minimum=0.0)
+    timing = None if args.timing_ms is None else 1e-3 * number("--timing-ms", args.timing_ms, minimum=0.0)
     with progress("driving variants of the simulation", total=None) if tolerances else nullcontext():
         found = assessment.assess(
             recordings, args.manoeuvre, wanted, allowed, timing, options.noticed(args), compare=compare, **conditions

@@ -42,6 +42,7 @@ from steer_env.metrics.common.filtered_channels import ANGLE, AY, PLAUSIBLE, SPE
 from steer_env.metrics.common.kept import kept
 from steer_env.recording import driven
 from steer_env.recording.recording import DEGREE, Recording
+from steer_env.recording.table import TIMING
 from steer_env.vehicle.tyre import BEYOND_TYRE, Beyond
 
 # i l [m], least and largest, and the lowest characteristic speed [m/s] of passenger cars; assumed.
@@ -120,7 +121,7 @@ def evaluate(
     recording: Recording,
     test: str | None = None,
     *,
-    timing: float = 0.0,
+    timing: float | None = None,
     torque_scale_error: float | None = None,
     intervals: bool = True,
     **given: Any,
@@ -132,10 +133,11 @@ def evaluate(
     recording : Recording
     test : str, optional
         A name from :func:`steer_env.metrics.tests`; by default the manoeuvre that the recording's meta names.
-    timing : float
+    timing : float, optional
         Largest error of the relative timing of the channels [s]. A channel that is late looks like a lag of the car.
         Each interval is therefore widened by the change of the metric when one channel after the other is shifted by
-        +-timing relative to the handwheel angle.
+        +-timing relative to the handwheel angle. By default ``timing_error_s`` of the recording's meta, or 0. A CAN
+        log that stamps frames in batches has there which channels may be early or late together, and by how much.
     torque_scale_error : float, optional
         Largest error of the scale of the hand torque, as a fraction: 0.02 where the sensor may read 2 % too much or too
         little [1]. Each interval is widened by the change of the metric when the torque is divided by 1 +- the error.
@@ -159,7 +161,6 @@ def evaluate(
     ValueError
         For an unknown test or condition, a negative timing, or an error of the scale that is not from 0 to below 1.
     """
-    not_negative("timing", timing)
     scale = number(
         "torque_scale_error", recording.meta.get(SCALE, 0.0) if torque_scale_error is None else torque_scale_error
     )
@@ -197,17 +198,33 @@ def evaluate(
     return found
 
 
-def _declared(recording: Recording, timing: float, scale: float, again: Callable[[Recording], Any]) -> list[Doubt]:
+def _declared(
+    recording: Recording, timing: float | None, scale: float, again: Callable[[Recording], Any]
+) -> list[Doubt]:
     """The doubts that the user has declared: how well the channels are aligned, and how well the torque is scaled."""
     found = []
-    for channel in recording.channels if timing else ():
-        if channel != ANGLE and channel not in driven.CHANNELS:
-            others = tuple(again(_shifted(recording, channel, by)) for by in (-timing, timing))
-            found.append(Doubt(f"the timing of {channel}", "align the channels more closely", others))
+    for channels, most in _timing(recording, timing):
+        others = tuple(again(_shifted(recording, channels, by)) for by in (-most, most))
+        found.append(Doubt(f"the timing of {', '.join(channels)}", "align the channels more closely", others))
     if scale and (torque := _hand_torque(recording)):
         others = tuple(again(_scaled(recording, torque, 1.0 / (1.0 + error))) for error in (-scale, scale))
         found.append(Doubt(f"the scale of {torque}", "calibrate the sensor more closely", others))
     return found
+
+
+def _timing(recording: Recording, timing: float | None) -> list[tuple[list[str], float]]:
+    """Channels that may be early or late together, and by how much [s]."""
+    told = recording.meta.get(TIMING, 0.0) if timing is None else timing
+    if isinstance(told, list):
+        try:
+            groups = [(each["channels"], not_negative(TIMING, each["seconds"])) for each in told]
+        except (KeyError, TypeError):
+            raise ValueError(
+                f"{TIMING} of the meta is a number, or a list of channels and seconds; got {told}"
+            ) from None
+        return [([name for name in channels if name in recording.channels], most) for channels, most in groups]
+    most = not_negative(TIMING if timing is None else "timing", told)
+    return [([name], most) for name in recording.channels if most and name not in (ANGLE, *driven.CHANNELS)]
 
 
 def _hand_torque(recording: Recording) -> str | None:
@@ -256,10 +273,10 @@ def _repeats(names: tuple[str, ...], reading: Any) -> dict[str, Bounded | Refuse
     return {name: _computed(definition(name), reading) for name in names}
 
 
-def _shifted(recording: Recording, channel: str, seconds: float) -> Recording:
-    """The recording with one channel moved to later."""
-    later = np.interp(recording.time - seconds, recording.time, recording[channel])
-    return replace(recording, channels={**recording.channels, channel: later})
+def _shifted(recording: Recording, channels: Sequence[str], seconds: float) -> Recording:
+    """The recording with some channels moved to later."""
+    later = {name: np.interp(recording.time - seconds, recording.time, recording[name]) for name in channels}
+    return replace(recording, channels={**recording.channels, **later})
 
 
 def _scaled(recording: Recording, channel: str, factor: float) -> Recording:
