@@ -93,12 +93,15 @@ class Column(NamedTuple):
     def sign(self) -> "Column | None":
         """The signal that holds its sign, which its own bits do not; None if there is none."""
         signal, own = self.signal, _words(self.signal.name)
-        if signal.is_signed or signal.is_float or signal.length <= LONGEST_SIGN or signal.offset < 0 < signal.scale:
+        signed = signal.is_signed and not 0 <= (signal.minimum or 0) < (signal.maximum or 0)
+        if signed or signal.is_float or signal.length <= LONGEST_SIGN or signal.offset < 0 < signal.scale:
             return None
+        short = "".join(word[0] + "".join(f"{letter}?" for letter in word[1:]) for word in own.split())
         for other in self.message.signals:
             words = _words(other.name)
             stem = re.sub(rf"\b({SIGN})\b *", "", words).strip()
             mine = set(stem.split()) <= set(own.split()) or (len(stem) > 2 and own.startswith(stem))
+            mine = mine or bool(re.fullmatch(short, stem.replace(" ", "")))
             if other.length <= LONGEST_SIGN and stem not in (words, "") and mine:
                 return self._replace(label=f"{self.label.rpartition('.')[0]}.{other.name}", signal=other)
         return None

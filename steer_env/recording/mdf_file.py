@@ -137,7 +137,8 @@ def _physical(raw: np.ndarray, conversion: Any) -> tuple[np.ndarray, dict[str, n
     values = raw
     if raw.ndim == 1 and raw.dtype.kind in "fiub":
         if formula := getattr(conversion, "formula", ""):
-            return _evaluated(formula, raw.astype(float)), {}
+            values = _evaluated(formula, raw.astype(float))
+            return values, {f"no result of {formula!r}": np.isnan(values) & ~np.isnan(raw)}
         if hasattr(conversion, "lower_0") or hasattr(conversion, "val_0"):
             return _looked_up(raw, conversion)
         if np.any(np.diff(_each(conversion, "raw")) <= 0):

@@ -33,7 +33,7 @@ def save(
 def open_table(path: str | PathLike[str]) -> Table:
     """Read the names and the meta; the table's ``load`` reads the columns."""
     own_process.require("pyarrow", "Parquet", "parquet")
-    from pyarrow import parquet  # here, because it is an extra
+    from pyarrow import parquet, types  # here, because it is an extra
 
     try:
         schema = parquet.read_schema(path)
@@ -47,15 +47,21 @@ def open_table(path: str | PathLike[str]) -> Table:
             # Two columns of one name are read by their places, which needs the whole file.
             twice = len({each.label for each in columns}) < len(columns)
             table = parquet.ParquetFile(path).read(None if twice else names)
-            found = [table[place if twice else columns[place].label].to_numpy() for place in places]
+            found = [table[place if twice else columns[place].label] for place in places]
+            for k, each in enumerate(found):
+                exact = types.is_decimal(each.type) or types.is_boolean(each.type)  # objects to numpy
+                found[k] = (each.cast("float64") if exact else each).to_numpy()
         except Exception as error:
             raise _damaged(error) from None
         return [_numbers(meta, *pair) for pair in zip(names, found)]
 
+    text = (schema.metadata or {}).get(META, b"{}").decode(errors="replace")
     try:
-        meta = json.loads((schema.metadata or {}).get(META, b"{}"))
-    except (ValueError, RecursionError) as error:
-        raise ValueError(f"its meta {META.decode()} is no JSON: {error}") from None
+        meta = json.loads(text)
+    except (ValueError, RecursionError):
+        meta = None
+    if not isinstance(meta, dict):
+        raise ValueError(f"its meta {META.decode()} is no JSON object, but {text[:80]!r}")
     return Table(columns, meta, True, load)
 
 

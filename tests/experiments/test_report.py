@@ -178,6 +178,17 @@ def test_what_is_told_of_the_held_torque_follows_from_its_numbers(made):
     assert not found(lambda test: test.assist == "off", lasting=1.0).fed_by_assist
 
 
+def test_what_a_metric_is_noted_with_stands_on_the_page(made):
+    _, results = made
+    note = "wheel loads from 1 to 2 N, beyond the range of a tyre"
+    drive = results.drives["weave"]["masing"]
+    noted = drive._replace(values={name: each._replace(notes=(note,)) for name, each in drive.values.items()})
+    drives = {**results.drives, "weave": {**results.drives["weave"], "masing": noted}}
+    page = report.page_of(results._replace(drives=drives), report.provenance_of(results)).html()
+    assert page.count(note) == 1
+    assert note not in report.page_of(results, report.provenance_of(results)).html()
+
+
 def test_one_law_alone_makes_a_page_too(made):
     _, results = made
     alone = results._replace(

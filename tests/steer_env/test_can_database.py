@@ -139,6 +139,7 @@ def test_what_is_not_available_in_j1939_is_no_value(tmp_path, length, raw, expec
         ("STEER_ANGLE", "STEER_DIRECTION"),
         ("LW", "LW_Sign"),
         ("LW1_Lenk_Gesch", "LW1_Gesch_Sign"),
+        ("EPS_Berechneter_LW", "EPS_VZ_BLW"),
     ],
 )
 @pytest.mark.parametrize("bits", [1, 2])
@@ -149,6 +150,8 @@ def test_a_magnitude_knows_the_signal_of_its_sign(tmp_path, size, sign, bits):
     assert columns[f"M.{sign}"].sign is None
     signed, _ = loaded(tmp_path, text.replace("0|13@1+ (0.1,0)", "0|13@1- (0.1,0)"))
     assert signed[f"M.{size}"].sign is None
+    ranged, _ = loaded(tmp_path, text.replace("0|13@1+ (0.1,0) [0|0]", "0|13@1- (0.1,0) [0|300]"))
+    assert ranged[f"M.{size}"].sign.label == f"M.{sign}"  # signed by its bits, a magnitude by its range
 
 
 ANGLE = ' SG_ ANGLE : 0|16@1- (0.1,0) [0|0] "deg" A\n'

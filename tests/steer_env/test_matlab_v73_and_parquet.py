@@ -1,6 +1,7 @@
 """MATLAB v7.3 and Parquet from elsewhere, and what is said where the package that reads them is missing."""
 
 import sys
+from decimal import Decimal
 
 import h5py
 import numpy as np
@@ -96,6 +97,25 @@ def test_a_parquet_file_from_pandas(tmp_path):
     assert "column 'state', wanted as handwheel_angle, holds no plain numbers" in refusal(
         path, mapped("handwheel_angle=state[deg]")
     )
+
+
+def test_parquet_decimals_and_truth_values_are_numbers(tmp_path):
+    path = tmp_path / "run.parquet"
+    decimals = pyarrow.array([Decimal("0.10"), None, Decimal("-12.25")], pyarrow.decimal128(12, 2))
+    flags = pyarrow.array([True, None, False])
+    parquet.write_table(pyarrow.table({"time_s": [0.0, 0.1, 0.2], "T [Nm]": decimals, "on [1]": flags}), path)
+    found = read(path)
+    np.testing.assert_array_equal(found["T"], [0.1, np.nan, -12.25])
+    np.testing.assert_array_equal(found["on"], [1.0, np.nan, 0.0])
+    assert found.meta["no_value"] == {"T [Nm]": {"empty": 1}, "on [1]": {"empty": 1}}
+
+
+@pytest.mark.parametrize("meta", ["[1, 2]", "3", "null", "no JSON", b"\xff"])
+def test_parquet_meta_that_is_no_object_is_refused(tmp_path, meta):
+    path = tmp_path / "run.parquet"
+    table = pyarrow.table({"time_s": [0.0, 0.1], "T [Nm]": [1.0, 2.0]})
+    parquet.write_table(table.replace_schema_metadata({"steer-env": meta}), path)
+    assert "its meta steer-env is no JSON object" in refusal(path)
 
 
 def test_units_in_the_metadata_of_parquet_columns_are_read(tmp_path):

@@ -154,6 +154,19 @@ def test_what_is_no_number_before_a_conversion_is_none_behind_it(tmp_path):
         assert found.meta["no_value"][name] == {"infinite": 2, "empty": 1}
 
 
+def test_where_a_formula_has_no_value_is_told_apart_from_an_empty_sample(tmp_path):
+    raw = RAW["f4"].copy()
+    raw[3] = np.nan
+    nested = {"val_0": 7, "text_0": INVALID, "default_addr": {"formula": "ln(X1)"}}
+    found = read(written(tmp_path / "run.mf4", raw, {"formula": "sqrt(X1)"}, LINEAR, nested))
+    below = int(np.count_nonzero(raw < 0))
+    assert found.meta["no_value"] == {
+        "C0": {"no result of 'sqrt(X1)'": below, "empty": 1},
+        "C1": {"empty": 1},
+        "C2": {"no result of 'ln(X1)'": below, "empty": 1},
+    }
+
+
 def test_keys_of_texts_need_not_be_whole_numbers(tmp_path):
     raw = np.arange(200) / 2
     codes = {"val_0": 7.5, "text_0": INVALID, "default_addr": LINEAR}

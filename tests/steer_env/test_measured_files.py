@@ -67,10 +67,11 @@ def test_gaps_beside_decimal_commas(tmp_path):
     np.testing.assert_array_equal(found["b"], [1, np.nan, np.nan])
 
 
-def test_a_number_with_an_underscore(tmp_path):
+def test_a_text_that_only_python_takes_for_a_number(tmp_path):
     path = tmp_path / "run.csv"
-    path.write_text("time_s,a_m\n0,1_000\n1,2\n")
-    np.testing.assert_array_equal(read(path)["a"], [1000, 2])
+    path.write_text("time_s,a_m,b_m\n0,1_0,0\n1,2,1\n")
+    assert read(path).meta["not_read"] == "a_m"
+    assert "has '1_0' in line 2, which is no number" in refusal(path, mapped("own_a=a[m]"))
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ import pytest
 from steer_env import manoeuvres
 from steer_env.experiments.cli.common.tables import print_metrics
 from steer_env.experiments.cli.main import main
+from steer_env.experiments.reports import assessment
 from steer_env.friction.numerics import check
 from steer_env.metrics import Value, evaluate
 from steer_env.vehicle import cars, tyre
@@ -461,6 +462,8 @@ def test_a_drive_beyond_the_range_is_told_in_its_results(chassis, path):
     assert found.keys() == ({"F_z", "alpha"} if slips else {"F_z"})
     notes = next(iter(evaluate(recording).values())).notes
     assert any(f"to {largest:.4g} N" in note and "200 to 4400 N" in note for note in notes)
+    page = assessment.page_of(assessment.assess({"own": recording}), {"own": recording}).html()
+    assert all(note in page for note in notes)
     usual = manoeuvres.drive(base, weave, "masing")
     assert "beyond_tyre" not in usual.meta
 
