@@ -40,7 +40,17 @@ import numpy as np
 from steer_env.recording import can_database, own_process
 from steer_env.recording.can_database import Message, group_of, identifier, selected
 from steer_env.recording.channel_mapping import SIGNED, did_you_mean
-from steer_env.recording.table import NO_VALUE, TIMING, Column, Table, Values, last_of_stamp, tell
+from steer_env.recording.table import (
+    NO_VALUE,
+    TIMING,
+    Column,
+    Table,
+    Values,
+    between,
+    in_common,
+    last_of_stamp,
+    tell,
+)
 from steer_env.recording.units import parse_unit
 
 SUFFIXES = (".blf", ".asc", ".log", ".trc", ".asc.gz", ".log.gz", ".trc.gz")
@@ -144,7 +154,10 @@ def open_table(path: str | PathLike[str], options: Options, sources: Sequence[st
     ValueError
         Without the packages or a database, or if a database or a source cannot be read.
     """
-    signals, left = _signals(options)
+    paths = paths_of(options.dbc)
+    if not paths:
+        raise ValueError("a CAN log holds raw frames: give the DBC that says what is in them, --dbc car.dbc")
+    signals, left = can_database.load(paths)
     named = Counter(entry.signal.name for entry in signals)
     columns, wanted = [], []
     for entry in signals:
@@ -153,17 +166,20 @@ def open_table(path: str | PathLike[str], options: Options, sources: Sequence[st
         signed = (own.label, own.negative) if own else ()
         columns.append(Column(entry.label, name, unit, parse_unit(unit or ""), *signed))
         wanted.append(Wanted(entry.label, [entry], None))
+    places = {text: place for place, column in enumerate(columns) for text in (column.label, column.name)}
     for source in dict.fromkeys(sources):
         sizes, _, sign = source.partition(SIGNED)
-        names = [part.strip() for part in (*sizes.split("+"), *([sign] if sign else ()))]
-        places = [_place(columns[: len(signals)], signals, left, name, source) for name in names]
-        parts = [signals[place] for place in places if place is not None]
+        names = [part.strip() for part in (*sizes.split("+"), sign) if part]
+        for name in names:
+            if name not in places:
+                raise ValueError(_missing(name, source, columns[: len(signals)], signals, left))
         if len(names) == 1:
             continue
+        parts = [signals[places[name]] for name in names]
         summands = parts[:-1] if sign else parts
         if len({entry.message for entry in parts}) > 1 or len({entry.signal.unit for entry in summands}) > 1:
             raise ValueError(f"{source!r} cannot be formed: its signals must be of one message and in one unit")
-        columns.append(columns[signals.index(summands[0])]._replace(label=source, name=source, sign=None))
+        columns.append(columns[places[names[0]]]._replace(label=source, name=source, sign=None))
         wanted.append(Wanted(source, summands, parts[-1] if sign else None))
     meta: dict[str, Any] = {}
     known = {entry.message.key for entry in signals}
@@ -179,33 +195,17 @@ def paths_of(dbc: str | PathLike[str] | Sequence[str | PathLike[str]]) -> Sequen
     return (dbc,) if isinstance(dbc, str | PathLike) else dbc
 
 
-def _signals(options: Options) -> tuple[list[can_database.Column], dict[str, str]]:
-    """The signals of the databases, and what could not be read of them with the reason."""
-    paths = paths_of(options.dbc)
-    if not paths:
-        raise ValueError("a CAN log holds raw frames: give the DBC that says what is in them, --dbc car.dbc")
-    return can_database.load(paths)
-
-
-def _place(
-    columns: list[Column], signals: list[can_database.Column], left: dict[str, str], name: str, source: str
-) -> int | None:
-    """The index of a signal by its label or its name; None if it is none, but the whole of a source."""
-    for place, entry in enumerate(columns):
-        if name in (entry.label, entry.name):
-            return place
-    alike = [entry for entry in signals if entry.label.endswith((f".{name}", f":{name}"))]
-    wanted = f"no signal {name!r}{'' if name == source else f', for {source!r}'}"
-    if alike:
-        reasons = dict.fromkeys(entry.apart for entry in alike if entry.apart)
-        hint = f"did you mean {' or '.join(entry.label for entry in alike)}?"
-        raise ValueError("; ".join((wanted, *reasons, hint)))
+def _missing(
+    name: str, source: str, columns: list[Column], signals: list[can_database.Column], left: dict[str, str]
+) -> str:
+    """Why a signal, which a source names, is none of those that can be read."""
     for label, reason in left.items():
         if name in (label, label.rpartition(":")[2], label.rpartition(".")[2]) or name.startswith(f"{label}."):
-            raise ValueError(f"{label} of the database cannot be read ({reason})")
-    if name == source:
-        return None
-    raise ValueError(f"{wanted}; {did_you_mean(name, [entry.label for entry in columns])}")
+            return f"{label} of the database cannot be read ({reason})"
+    alike = [column.label for column in columns if column.label.endswith((f".{name}", f":{name}"))]
+    reasons = dict.fromkeys(entry.apart for entry in signals if entry.apart and entry.label in alike)
+    wanted = f"no signal {name!r}{'' if name == source else f', for {source!r}'}"
+    return "; ".join((wanted, *reasons, did_you_mean(name, alike or [column.name for column in columns])))
 
 
 def _load(
@@ -245,11 +245,16 @@ def _load(
         notes.append(note)
     if late:
         meta[TIMING] = list(late.values())
-    base = _time_base([time for time, _ in placed.values()])
-    rate = float(1 / (base[1] - base[0]))
+    begin, end = in_common({wanted[k].label: time for k, (time, _) in placed.items()})
+    most = max((time for time, _ in placed.values()), key=len)
+    rate = float((most.size - 1) / (most[-1] - most[0]))
+    base = begin + np.arange(int((end - begin) * rate * (1 + 1e-12)) + 1) / rate
     meta["can"] = {"method": METHOD, "rate_hz": rate, "first_frame_s": log.start, "messages": told}
     meta["can"] |= {"notes": list(dict.fromkeys(notes))} if notes else {}
-    return [base, *(_interpolated(base, *placed[k]) if k in placed else str(one) for k, one in enumerate(found))]
+    return [
+        base,
+        *(between(base, *placed[k], LONGEST_STEP) if k in placed else str(one) for k, one in enumerate(found)),
+    ]
 
 
 def _signal(
@@ -497,28 +502,6 @@ def _spread(stamps: np.ndarray, declared: float | None) -> tuple[np.ndarray, flo
     step = np.minimum(np.append(cycle, steps / count[1:]), cycle)
     group = np.repeat(np.arange(at.size), count)
     return stamps - ((first + count)[group] - np.arange(stamps.size)) * step[group], cycle
-
-
-def _time_base(times: list[np.ndarray]) -> np.ndarray:
-    """Uniform instants at the mean rate of the signal with the most frames, where all signals have frames [s]."""
-    first, last = max(time[0] for time in times), min(time[-1] for time in times)
-    most = max(times, key=len)
-    step = (most[-1] - most[0]) / (most.size - 1)
-    if last - first < step:
-        raise ValueError(
-            f"one signal begins at {first:g} s, another ends at {last:g} s: they have no time in common; name those "
-            "that are wanted in a mapping"
-        )
-    return first + step * np.arange(int((last - first) / step * (1 + 1e-12)) + 1)
-
-
-def _interpolated(at: np.ndarray, time: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Linear interpolation between frames; NaN in gaps, and between a frame with a value and one without."""
-    read = np.interp(at, time, values)
-    k = np.clip(np.searchsorted(time, at, side="right") - 1, 0, time.size - 2)
-    gap = np.diff(time) > LONGEST_STEP * np.median(np.diff(time))
-    read[gap[k] & (at > time[k]) & (at < time[k + 1])] = np.nan
-    return np.where(at == time[k], values[k], read)
 
 
 def _told(message: Message, stamps: np.ndarray, data: np.ndarray, size: np.ndarray) -> dict[str, Any]:

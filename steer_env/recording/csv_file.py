@@ -13,7 +13,6 @@ cells empty (an empty cell is a gap), and be UTF-8, UTF-16 with a byte-order mar
 import csv
 import gzip
 import json
-import os
 import re
 import warnings
 import zlib
@@ -102,17 +101,15 @@ def open_table(path: str | PathLike[str]) -> Table:
             comments.append(text)
     if comments:
         meta["comment"] = "\n".join([*str(meta.get("comment", "")).splitlines(), *comments])
-    torn = meta.get(APPENDED) is True and not _ends(path)
-    if torn:
-        meta["torn"] = "the last line"
     repeated, blank = {top[k].strip() for k in layout.heads}, f'{layout.separator}" \t\r\n'
 
     def rows() -> Iterator[tuple[int, str]]:
         """Number and text of the lines that are rows, with decimal points."""
         with _text(path, encoding) as file:
-            lines = _complete(file) if torn else _decoded(file)
-            for number, line in enumerate(lines, start=1):
-                if number > layout.start and line.strip(blank) and line[0] != "#" and line.strip() not in repeated:
+            for number, line in enumerate(_decoded(file), start=1):
+                if meta.get(APPENDED) is True and not line.endswith("\n"):  # the program that wrote it was killed
+                    meta["torn"] = "the last line"
+                elif number > layout.start and line.strip(blank) and line[0] != "#" and line.strip() not in repeated:
                     yield number, line if layout.separator == "," else line.replace(",", ".")
 
     @_undamaged()
@@ -285,18 +282,6 @@ def _decoded(file: IO[str]) -> Iterator[str]:
             number += 1
     except UnicodeDecodeError as error:
         raise ValueError(f"line {number} holds bytes that are not {error.encoding}: is it complete?") from None
-
-
-def _complete(file: IO[str]) -> Iterator[str]:
-    """The lines of a file that end; the last one may not, where the program that wrote it was killed."""
-    return (line for line in _decoded(file) if line.endswith("\n"))
-
-
-def _ends(path: Any) -> bool:
-    """Whether the last line of a file is complete."""
-    with gzip.open(path) if compressed(path) else open(path, "rb") as file:
-        file.seek(-1, os.SEEK_END)
-        return file.read() == b"\n"
 
 
 def _cells(line: str, separator: str) -> list[str]:

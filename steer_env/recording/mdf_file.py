@@ -2,7 +2,7 @@
 
 A file from another program may sample its channels at different instants. The time of the recording is that of the
 channel with the most samples, within the time that all channels cover; the other channels are interpolated linearly. A
-channel has a gap where it lacks samples (a step longer than 1.5 times its median step), marks them as invalid, or has a
+channel has a gap where it lacks samples (a step longer than ``LONGEST_STEP``), marks them as invalid, or has a
 text in place of a number.
 
 Samples are taken raw, and their conversions are evaluated here where asammdf 8.8 gives other values than the file
@@ -23,12 +23,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from steer_env.recording import own_process
-from steer_env.recording.recording import interpolated
-from steer_env.recording.table import Column, Table, Values, column, gaps, last_of_stamp, meta_in
+from steer_env.recording.table import Column, Table, Values, between, column, gaps, in_common, last_of_stamp, meta_in
 from steer_env.recording.units import file_unit
 
 TIME = 1  # sync type of a master channel that is the time; other types are angle, distance and index
 KIND = "an MDF file"
+LONGEST_STEP = 1.5  # between two samples of a channel without a gap, in median steps of it [1]
 
 # What a formula of an algebraic conversion may hold, with ^ for powers. A log is refused: numexpr takes it for natural,
 # ASAM for decimal.
@@ -227,8 +227,8 @@ def _channels(mdf: Any, group: int) -> list[tuple[int, Any]]:
 def _on_one_time(meta: dict[str, Any], labels: list[str], signals: list[Signal]) -> list[Values]:
     """The time, and each signal at that time or the reason for which it cannot be read."""
     values: list[Values] = []
-    own: dict[int, tuple[np.ndarray, np.ndarray]] = {}  # time of the readable ones, and which samples are lost
-    for k, (label, signal) in enumerate(zip(labels, signals)):
+    own: dict[str, np.ndarray] = {}  # times of the readable ones
+    for label, signal in zip(labels, signals):
         if isinstance(signal.samples, str):
             values.append(signal.samples)
             continue
@@ -237,23 +237,13 @@ def _on_one_time(meta: dict[str, Any], labels: list[str], signals: list[Signal])
             values.append(f"has {np.count_nonzero(kept)} samples")
             continue
         values.append(gaps(meta, label, signal.samples, signal.codes)[kept])
-        lost = np.any([*signal.codes.values(), np.isinf(signal.samples)], axis=0)
-        own[k] = signal.timestamps[kept], lost[kept]
+        own[label] = signal.timestamps[kept]
     if not own:
         return [np.empty(0), *values]
-    time = max((time for time, _ in own.values()), key=len)
-    first, last = max(own, key=lambda k: own[k][0][0]), min(own, key=lambda k: own[k][0][-1])
-    begin, end = own[first][0][0], own[last][0][-1]
+    begin, end = in_common(own)
+    time = max(own.values(), key=len)
     time = time[(time >= begin) & (time <= end)]
-    if time.size < 2:
-        raise ValueError(
-            f"{labels[first]!r} begins at {begin:g} s, {labels[last]!r} ends at {end:g} s: "
-            "the channels have no time in common; name those that are wanted in a mapping"
-        )
-    for k, (stamps, lost) in own.items():
-        if not np.array_equal(stamps, time):
-            read = interpolated(time, stamps, np.asarray(values[k]))
-            before, after = np.searchsorted(stamps, time, side="right") - 1, np.searchsorted(stamps, time)
-            read[lost[before] | lost[after]] = np.nan  # however far apart the samples with values are
-            values[k] = read
+    for k, label in enumerate(labels):
+        if label in own and not np.array_equal(own[label], time):
+            values[k] = between(time, own[label], np.asarray(values[k]), LONGEST_STEP)
     return [time, *values]

@@ -158,3 +158,33 @@ def last_of_stamp(meta: dict[str, Any], label: str, time: np.ndarray) -> np.ndar
     if doubled:
         tell(meta, DOUBLED, label, doubled)
     return kept
+
+
+def in_common(times: Mapping[str, np.ndarray]) -> tuple[float, float]:
+    """Begin and end of the time that channels with times of their own have in common, by label [s].
+
+    Raises
+    ------
+    ValueError
+        If there is none.
+    """
+    first, last = max(times, key=lambda label: times[label][0]), min(times, key=lambda label: times[label][-1])
+    begin, end = float(times[first][0]), float(times[last][-1])
+    if end <= begin:
+        raise ValueError(
+            f"{first!r} begins at {begin:g} s, {last!r} ends at {end:g} s: the channels have no time in common; name "
+            "those that are wanted in a mapping"
+        )
+    return begin, end
+
+
+def between(at: np.ndarray, time: np.ndarray, values: np.ndarray, longest: float) -> np.ndarray:
+    """Values on the straight lines between samples; NaN beside one that is no value, and in gaps.
+
+    A gap is where two samples are more than ``longest`` of the channel's median steps apart [1].
+    """
+    read = np.interp(at, time, values)
+    k = np.clip(np.searchsorted(time, at, side="right") - 1, 0, time.size - 2)
+    gap = np.diff(time) > longest * np.median(np.diff(time))
+    read[gap[k] & (at > time[k]) & (at < time[k + 1])] = np.nan
+    return np.where(at == time[k], values[k], read)

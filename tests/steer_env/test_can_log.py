@@ -305,8 +305,8 @@ def test_two_buses_are_not_mixed(tmp_path):
 @pytest.mark.parametrize(
     ("entry", "message"),
     [
-        ("vehicle_speed=SPED", "no channel 'SPED' for vehicle_speed; did you mean SPEED?"),
-        ("vehicle_speed=Tempo", "no channel 'Tempo' for vehicle_speed; there are YAW_RATE, ACCEL_X, ACCEL_Y, STEER"),
+        ("vehicle_speed=SPED", "no signal 'SPED'; did you mean SPEED?"),
+        ("vehicle_speed=Tempo", "no signal 'Tempo'; there are YAW_RATE, ACCEL_X, ACCEL_Y, STEER"),
         (
             "handwheel_torque=STEERING_LKA.STEER_TORQUE_CMD[counts]",
             "column 'STEERING_LKA.STEER_TORQUE_CMD', wanted as handwheel_torque, is in the message STEERING_LKA "
@@ -319,7 +319,7 @@ def test_two_buses_are_not_mixed(tmp_path):
             "yaw_rate=YAW_RATE + SPEED",
             "'YAW_RATE + SPEED' cannot be formed: its signals must be of one message and in one",
         ),
-        ("yaw_rate=YAW_RATE + FINE", "no signal 'FINE', for 'YAW_RATE + FINE'; there are KINE"),
+        ("yaw_rate=YAW_RATE + FINE", "no signal 'FINE', for 'YAW_RATE + FINE'; there are YAW_RATE"),
     ],
 )
 def test_databases_and_mappings_that_do_not_fit(tmp_path, entry, message):
