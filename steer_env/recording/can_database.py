@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from steer_env.friction.numerics.check import number
+from steer_env.recording import own_process
 from steer_env.recording.csv_file import encoding_of
 
 LONGEST = 64  # signal that is read [bit]
@@ -55,7 +56,6 @@ class Message(NamedTuple):
     name: str
     frame_id: int
     extended: bool  # whether the identifier has 29 bits
-    length: int  # [byte]
     cycle: float | None  # time between two frames [s]
     j1939: bool  # whether the database says so
     signals: tuple[Any, ...]  # of cantools
@@ -248,11 +248,6 @@ def bytes_of(signal: Any) -> int:
     return _place(signal)[1] + 1
 
 
-def width(message: Message) -> int:
-    """How many bytes of a frame hold the signals of a message."""
-    return max(map(bytes_of, message.signals), default=0)
-
-
 def raw_values(signal: Any, data: np.ndarray) -> np.ndarray:
     """The raw values (F,) of a signal in the bytes (F, B) of frames, of which each has all that the signal needs."""
     first, last, below = _place(signal)
@@ -310,7 +305,17 @@ def load(paths: Sequence[str | PathLike[str]]) -> tuple[list[Column], dict[str, 
     found: list[Message] = []
     for path, name in zip(paths, names):
         for entry in _messages(path, left):
-            message = _message(entry, name if names.count(name) == 1 else str(path))
+            cycle = entry.cycle_time / 1e3 if isinstance(entry.cycle_time, int | float) else None
+            message = Message(
+                database=name if names.count(name) == 1 else str(path),
+                label=entry.name,
+                name=entry.name,
+                frame_id=entry.frame_id,
+                extended=entry.is_extended_frame,
+                cycle=cycle,
+                j1939=entry.protocol == "j1939",
+                signals=tuple(entry.signals),
+            )
             if all(message.content != other.content for other in found):
                 found.append(message)
     if not found:
@@ -336,19 +341,11 @@ def load(paths: Sequence[str | PathLike[str]]) -> tuple[list[Column], dict[str, 
     return [column for column in columns if column.label not in twice], left
 
 
-def _message(entry: Any, database: str) -> Message:
-    cycle = entry.cycle_time / 1e3 if isinstance(entry.cycle_time, int | float) else None
-    j1939 = entry.protocol == "j1939"
-    of = (entry.name, entry.frame_id, entry.is_extended_frame, entry.length, cycle, j1939, tuple(entry.signals))
-    return Message(database, entry.name, *of)
-
-
 def _messages(path: str | PathLike[str], left: dict[str, str]) -> list[Any]:
     """The messages of a database, as cantools has them; what it cannot read of a DBC goes to ``left``."""
-    try:
-        import cantools  # here, because it is an extra
-    except ImportError:
-        raise ValueError("CAN logs need the packages python-can and cantools: pip install '.[can]'") from None
+    own_process.require("cantools", "CAN databases", "can")
+    import cantools  # here, because it is an extra
+
     try:
         database = cantools.database.load_file(path, encoding=encoding_of(path), strict=False)
         return list(getattr(database, "messages", []))

@@ -324,7 +324,8 @@ def _raw(entry: can_database.Column, log: Log, known: set[tuple[int, bool]], not
         if log.seen[message.frame_id, not message.extended]:
             one, other = kinds[message.extended], kinds[not message.extended]
             return f"never occurs with {one} identifier; it is there as {other} one"
-        return f"never occurs in the log; it has {_ids(log.seen)}"
+        there = ", ".join(identifier(*key) for key, _ in log.seen.most_common(12))
+        return f"never occurs in the log; it has {there}{', ...' * (len(log.seen) > 12)}"
     if len(raw.buses) > 1:
         names = sorted(raw.buses)
         raise ValueError(f"{message.label} occurs on the buses {', '.join(names)}: choose one, --bus {names[0]}")
@@ -343,7 +344,7 @@ def _read(path: Any, options: Options, wanted: list[can_database.Column]) -> Log
     for entry in wanted:
         keys = (entry.message.key, *([group_of(entry.message.frame_id)] if entry.is_j1939 else ()))
         for key in keys:
-            widths[key] = max(widths.get(key, 0), can_database.width(entry.message))
+            widths[key] = max(widths.get(key, 0), *map(can_database.bytes_of, entry.message.signals))
     frames: dict[tuple[int, bool], Raw] = {}
     seen: Counter[tuple[int, bool]] = Counter()
     start = None
@@ -366,10 +367,9 @@ def _read(path: Any, options: Options, wanted: list[can_database.Column]) -> Log
 
 def _logged(path: Any, until: float) -> Iterator[Frame]:
     """The data frames of a log before a time; ValueError with the place where the log breaks off."""
-    try:
-        import can  # here, because it is an extra
-    except ImportError:
-        raise ValueError("CAN logs need the packages python-can and cantools: pip install '.[can]'") from None
+    own_process.require("can", "CAN logs", "can")
+    import can  # here, because it is an extra
+
     number, time, start, problem, frame = 0, 0.0, None, "", None
     longest: dict[int, int] = {}
     try:
@@ -509,8 +509,6 @@ def _told(message: Message, stamps: np.ndarray, data: np.ndarray, size: np.ndarr
     time = np.unique(stamps)
     steps = np.diff(time)
     told: dict[str, Any] = {"id": identifier(*message.key), "frames": stamps.size}
-    if time.size < stamps.size:
-        told["shared_stamps"] = stamps.size - time.size
     content = [signal for signal in message.signals if not signal.is_multiplexer]
     undescribed = ~np.any([selected(message, signal, data, size) for signal in content], axis=0)
     if undescribed.any():
@@ -526,9 +524,3 @@ def _told(message: Message, stamps: np.ndarray, data: np.ndarray, size: np.ndarr
             counts = can_database.raw_values(signal, data)[selected(message, signal, data, size)].astype(float)
             told["missed_by_counter"] = int(np.sum(np.maximum(np.diff(counts) % (int(most) + 1) - 1, 0)))
     return told
-
-
-def _ids(seen: Counter[tuple[int, bool]]) -> str:
-    """The identifiers that occur, the most frequent first."""
-    named = [identifier(*key) for key, _ in seen.most_common(12)]
-    return ", ".join(named) + (", ..." if len(seen) > len(named) else "")

@@ -93,7 +93,7 @@ def read(
             instants, loaded = instants[kept], [v if isinstance(v, str) else v[kept] for v in loaded]
         channels, units = {}, {}
         for choice, values in zip(choices, loaded):
-            name, label = choice.entry.name, choice.column.label
+            entry, name, label = choice.entry, choice.entry.name, choice.column.label
             if isinstance(values, str):
                 if name in KNOWN or name in mapping.channels:
                     raise ValueError(f"column {label!r}, wanted as {name}, {values}")
@@ -101,7 +101,9 @@ def read(
             elif np.isnan(values).all():
                 left.append(f"{label} (no values)")
             else:
-                channels[name], units[name] = _value(choice, values), choice.unit
+                units[name] = choice.unit
+                with np.errstate(over="ignore", invalid="ignore"):  # of what :func:`require_moderate` refuses
+                    channels[name] = entry.sign * ((values - entry.offset) * (entry.scale * choice.size))
         if TIMING in table.meta and can_log.recognised(path, can):
             names = {choice.column.label: choice.entry.name for choice in choices}
             for each in table.meta[TIMING]:
@@ -298,13 +300,6 @@ def _choice(columns: list[Column], entry: Entry, expected: str | None, place: in
             f"different quantities; map another column to {entry.name}, or correct the unit in the file"
         )
     return _Choice(place, column, *found, entry)
-
-
-def _value(choice: _Choice, raw: np.ndarray) -> np.ndarray:
-    """The values in memory of readings in the unit of the file."""
-    entry = choice.entry
-    with np.errstate(over="ignore", invalid="ignore"):  # refused by who reads a number from it, see require_moderate
-        return entry.sign * ((raw - entry.offset) * (entry.scale * choice.size))
 
 
 def _listed(labels: list[str]) -> str:

@@ -27,7 +27,7 @@ def content(path: str | PathLike[str]) -> dict[str, Any]:
     ValueError
         Without h5py, with the command that installs it; or if the file is damaged.
     """
-    own_process.require("h5py", "MATLAB v7.3", "hdf5")
+    own_process.require("h5py", "MATLAB v7.3 files", "hdf5")
     return own_process.read("a MATLAB v7.3 file", _read, os.fspath(path))
 
 

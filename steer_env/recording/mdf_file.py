@@ -60,7 +60,7 @@ class Signal(NamedTuple):
 
 def save(file: Any, time: np.ndarray, channels: list[tuple[str, str, np.ndarray]], meta: Mapping[str, Any]) -> None:
     """Write the channels (name, unit in memory, values in file units) in double precision."""
-    own_process.require("asammdf", "MDF", "mdf")
+    own_process.require("asammdf", "MDF files", "mdf")
     import asammdf  # here, because it is an extra and slow to import
 
     if not channels:
@@ -77,7 +77,7 @@ def open_table(path: str | PathLike[str]) -> Table:
 
     The label of a channel whose name occurs in several groups contains the number of its group.
     """
-    own_process.require("asammdf", "MDF", "mdf")
+    own_process.require("asammdf", "MDF files", "mdf")
     file = os.fspath(path)
     columns, places, meta = own_process.read(KIND, _contents, file)
 
@@ -95,7 +95,13 @@ def _contents(path: str) -> tuple[list[Column], list[Place], dict[str, Any]]:
     from asammdf import MDF
 
     with MDF(path) as mdf:
-        found = [(group, k, channel) for group in _timed(mdf) for k, channel in _channels(mdf, group)]
+        found: list[tuple[int, int, Any]] = [
+            (group, k, channel)
+            for group, master in mdf.masters_db.items()
+            if getattr(mdf.groups[group].channels[master], "sync_type", TIME) == TIME
+            for k, channel in enumerate(mdf.groups[group].channels)
+            if k != master
+        ]
         occurrences = Counter(channel.name for _, _, channel in found)
         for group, k, channel in found:
             unit = mdf.get_channel_unit(group=group, index=k)
@@ -211,17 +217,6 @@ def _evaluated(formula: str, x: np.ndarray) -> np.ndarray:
         return np.broadcast_to(value(ast.parse(formula.strip().replace("^", "**"), mode="eval").body), x.shape)
     except (SyntaxError, RecursionError, MemoryError):
         raise ValueError(f"has the algebraic conversion {formula!r}, which is no formula") from None
-
-
-def _timed(mdf: Any) -> list[int]:
-    """Groups whose master channel is the time."""
-    masters = mdf.masters_db
-    return [g for g in masters if getattr(mdf.groups[g].channels[masters[g]], "sync_type", TIME) == TIME]
-
-
-def _channels(mdf: Any, group: int) -> list[tuple[int, Any]]:
-    """Index and channel of everything in a group except its time."""
-    return [(k, c) for k, c in enumerate(mdf.groups[group].channels) if k != mdf.masters_db[group]]
 
 
 def _on_one_time(meta: dict[str, Any], labels: list[str], signals: list[Signal]) -> list[Values]:

@@ -21,7 +21,7 @@ def save(
     file: IO[bytes], time: np.ndarray, channels: list[tuple[str, str, np.ndarray]], meta: Mapping[str, Any]
 ) -> None:
     """Write the channels (name, unit in memory, values in file units) in double precision."""
-    own_process.require("pyarrow", "Parquet", "parquet")
+    own_process.require("pyarrow", "Parquet files", "parquet")
     import pyarrow  # here, because it is an extra
     from pyarrow import parquet
 
@@ -32,7 +32,7 @@ def save(
 
 def open_table(path: str | PathLike[str]) -> Table:
     """Read the names and the meta; the table's ``load`` reads the columns."""
-    own_process.require("pyarrow", "Parquet", "parquet")
+    own_process.require("pyarrow", "Parquet files", "parquet")
     from pyarrow import parquet, types  # here, because it is an extra
 
     try:
