@@ -18,8 +18,10 @@ batches, and the frames are spread over the time before the stamp, see ``_spread
 told. A computer that stamps the frames of a batch one by one, as an adapter hands them over, gives stamps that are less
 than ``BURST`` apart; these are taken as one. What a log of batches has of the time between messages is the order of
 their frames: each message is moved as a whole so that its frames are, on average, midway between those of the fastest
-message that come before and after them. The truth is within half the cycle time of that one, which the meta
-``timing_error_s`` tells by message, and by which the intervals of metrics are widened.
+message that come before and after them. The truth is within half the cycle time of that one. Where each message has
+one frame at most in a batch, so that only frames of different messages share stamps, all stay where they are, and the
+truth is within the time between two stamps. Either is told in the meta ``timing_error_s``, by which the intervals of
+metrics are widened.
 
 A message of J1939 that does not occur under its own identifier is taken from the one source address from which its
 parameter group comes.
@@ -114,7 +116,6 @@ class Raw:
 class Clock(NamedTuple):
     """The fastest message of a log that stamps its frames in batches."""
 
-    message: Message
     numbers: np.ndarray  # (F,) of its frames among all of the log
     time: np.ndarray  # (F,) [s]
     within: float  # largest distance of other messages from where it places them: half its cycle time [s]
@@ -219,32 +220,36 @@ def _load(
     usable = {k: signal for k, signal in enumerate(found) if not isinstance(signal, str)}
     if not usable:
         return [np.empty(0), *map(str, found)]
-    batch = _batch([stamps for stamps, _, _ in usable.values()])
+    in_order = sorted(usable, key=lambda k: -usable[k][0].size)  # the fastest message first
+    stamped = {wanted[k].parts[0].message.label: usable[k][0] for k in in_order}
+    batch, shared = _batch([*stamped.values()]), _shared([*stamped.values()])
     placed: dict[int, tuple[np.ndarray, np.ndarray]] = {}
     late: dict[str, dict[str, Any]] = {}  # columns of each message, and how far from the truth they may be together
     clock = None
-    for k, (stamps, values, numbers) in sorted(usable.items(), key=lambda pair: -pair[1][0].size):
-        message = wanted[k].parts[0].message
+    for k in in_order:
+        stamps, values, numbers = usable[k]
+        message, within = wanted[k].parts[0].message, shared
         if batch is None:
             kept = last_of_stamp(meta, message.label, stamps)
             placed[k] = stamps[kept], values[kept]
-            continue
-        stamps = _stamps(stamps)
-        time, cycle = _spread(stamps, message.cycle)
-        clock = clock or Clock(message, numbers, time, cycle / 2)
-        placed[k] = time + np.mean(clock.between(numbers) - time), values
-        note = (
-            f"{message.label}: the log stamps frames in batches of {batch:.3g} s; {values.size} frames with "
-            f"{np.unique(stamps).size} stamps are spread by the cycle time of {cycle:.3g} s"
-        )
-        if message.key != clock.message.key:
-            note += f", to within {clock.within:.3g} s of those of {clock.message.label}"
-            late.setdefault(message.label, {"channels": [], "seconds": clock.within})["channels"].append(
-                wanted[k].label
+        else:
+            stamps = _stamps(stamps)
+            time, cycle = _spread(stamps, message.cycle)
+            clock = clock or Clock(numbers, time, cycle / 2)
+            placed[k], within = (time + np.mean(clock.between(numbers) - time), values), clock.within
+            notes.append(
+                f"{message.label}: the log stamps frames in batches of {batch:.3g} s; {values.size} frames with "
+                f"{np.unique(stamps).size} stamps are spread by the cycle time of {cycle:.3g} s"
             )
-        notes.append(note)
+        if within and message.label != next(iter(stamped)):
+            told_late = late.setdefault(message.label, {"channels": [], "seconds": within})
+            told_late["channels"].append(wanted[k].label)
     if late:
         meta[TIMING] = list(late.values())
+        notes.append(
+            f"the time between frames of {', '.join(late)} and those of {next(iter(stamped))} is known to within "
+            f"{within:.2g} s, for which the intervals of metrics allow"
+        )
     begin, end = in_common({wanted[k].label: time for k, (time, _) in placed.items()})
     most = max((time for time, _ in placed.values()), key=len)
     rate = float((most.size - 1) / (most[-1] - most[0]))
@@ -488,6 +493,13 @@ def _batch(times: list[np.ndarray]) -> float | None:
     return float(np.median(lengths)) if lengths else None
 
 
+def _shared(times: list[np.ndarray]) -> float | None:
+    """The time between two stamps of a log in which frames of several messages share them [s]; None for any other."""
+    every = np.concatenate(times)
+    stamps = np.unique(every)
+    return float(np.median(np.diff(stamps))) if every.size - stamps.size > BATCHED * every.size else None
+
+
 def _spread(stamps: np.ndarray, declared: float | None) -> tuple[np.ndarray, float]:
     """Strictly ascending instants of frames that are stamped in batches, and the cycle time that is between them [s].
 
@@ -499,9 +511,10 @@ def _spread(stamps: np.ndarray, declared: float | None) -> tuple[np.ndarray, flo
     near = steps <= LONGEST_STEP * np.median(steps)
     found = float(steps[near].sum() / count[1:][near].sum())
     cycle = declared if declared and abs(declared / found - 1) < 0.25 else found
-    step = np.minimum(np.append(cycle, steps / count[1:]), cycle)
+    at[-1] = min(at[-1], at[-2] + count[-1] * cycle)  # a log may end within a batch
+    step = np.minimum(np.append(cycle, np.diff(at) / count[1:]), cycle)
     group = np.repeat(np.arange(at.size), count)
-    return stamps - ((first + count)[group] - np.arange(stamps.size)) * step[group], cycle
+    return at[group] - ((first + count)[group] - np.arange(stamps.size)) * step[group], cycle
 
 
 def _told(message: Message, stamps: np.ndarray, data: np.ndarray, size: np.ndarray) -> dict[str, Any]:

@@ -519,7 +519,8 @@ def test_messages_of_batches_keep_the_order_of_their_frames(tmp_path):
     found = read(path, mapped("handwheel_angle=ANGLE", "handwheel_torque=TORQUE"), can=options)
     most = 0.005 * 100 + 0.1  # of the steepest slope, and of counts and straight lines
     np.testing.assert_allclose(np.degrees(found["handwheel_angle"]), found["handwheel_torque"], atol=most)
-    assert "to within 0.005 s of those of STEER" in found.meta["can"]["notes"][1]
+    told = "the time between frames of SLOW and those of STEER is known to within 0.005 s"
+    assert told in found.meta["can"]["notes"][-1]
     assert found.meta["timing_error_s"] == [{"channels": ["handwheel_torque"], "seconds": pytest.approx(0.005)}]
 
 
@@ -562,6 +563,19 @@ def test_intervals_of_a_log_of_batches_hold_the_truth(tmp_path, batch):
             held.append(found[name].low - slack <= value <= found[name].high + slack)
     assert len(held) > 150
     assert np.mean(held) >= 0.95
+
+
+def test_messages_that_share_stamps_are_known_to_within_a_batch(tmp_path):
+    """As one frame of each message stands in a batch; a log of stamps of their own says nothing of that."""
+    slow = 'BO_ 257 SLOW: 8 A\n SG_ TORQUE : 0|16@1- (0.1,0) [0|0] "Nm" A\n'
+    both = mapped("handwheel_angle=ANGLE", "handwheel_torque=TORQUE")
+    times = 0.02 * np.arange(200)
+    for apart, told in ((0.0, [{"channels": ["handwheel_torque"], "seconds": pytest.approx(0.02)}]), (0.003, None)):
+        pairs = zip(angles(times, range(200)), angles(times + apart, range(200), "101"))
+        path, options = logged(tmp_path, STEER + slow, [line for pair in pairs for line in pair])
+        found = read(path, both, can=options)
+        assert found.meta.get("timing_error_s") == told
+        assert ("notes" in found.meta["can"]) == bool(told)
 
 
 def test_what_a_recording_says_of_its_timing_widens_intervals():
