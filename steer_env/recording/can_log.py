@@ -113,21 +113,6 @@ class Raw:
         return np.array(self.time), data, np.array(self.size)
 
 
-class Clock(NamedTuple):
-    """The fastest message of a log that stamps its frames in batches."""
-
-    numbers: np.ndarray  # (F,) of its frames among all of the log
-    time: np.ndarray  # (F,) [s]
-    within: float  # largest distance of other messages from where it places them: half its cycle time [s]
-
-    def between(self, numbers: np.ndarray) -> np.ndarray:
-        """The instants (N,) midway between the frames before and after those with these numbers (N,) [s]."""
-        last = self.numbers.size - 1
-        before = np.searchsorted(self.numbers, numbers, side="right") - 1
-        after = np.searchsorted(self.numbers, numbers)
-        return (self.time[np.clip(before, 0, last)] + self.time[np.clip(after, 0, last)]) / 2
-
-
 class Log(NamedTuple):
     """The frames of a log that are wanted."""
 
@@ -222,33 +207,34 @@ def _load(
         return [np.empty(0), *map(str, found)]
     in_order = sorted(usable, key=lambda k: -usable[k][0].size)  # the fastest message first
     stamped = {wanted[k].parts[0].message.label: usable[k][0] for k in in_order}
-    batch, shared = _batch([*stamped.values()]), _shared([*stamped.values()])
+    fastest, *_ = stamped
+    batch, within = _batch([*stamped.values()]), _shared([*stamped.values()])
     placed: dict[int, tuple[np.ndarray, np.ndarray]] = {}
-    late: dict[str, dict[str, Any]] = {}  # columns of each message, and how far from the truth they may be together
-    clock = None
+    late: dict[str, list[str]] = {label: [] for label in stamped if label != fastest}  # their columns
+    clock = None  # numbers and instants of the frames of the fastest message
     for k in in_order:
         stamps, values, numbers = usable[k]
-        message, within = wanted[k].parts[0].message, shared
+        message = wanted[k].parts[0].message
         if batch is None:
             kept = last_of_stamp(meta, message.label, stamps)
             placed[k] = stamps[kept], values[kept]
         else:
             stamps = _stamps(stamps)
             time, cycle = _spread(stamps, message.cycle)
-            clock = clock or Clock(numbers, time, cycle / 2)
-            placed[k], within = (time + np.mean(clock.between(numbers) - time), values), clock.within
+            if clock is None:
+                clock, within = (numbers, time), cycle / 2
+            placed[k] = time + np.mean(_midway(*clock, numbers) - time), values
             notes.append(
                 f"{message.label}: the log stamps frames in batches of {batch:.3g} s; {values.size} frames with "
                 f"{np.unique(stamps).size} stamps are spread by the cycle time of {cycle:.3g} s"
             )
-        if within and message.label != next(iter(stamped)):
-            told_late = late.setdefault(message.label, {"channels": [], "seconds": within})
-            told_late["channels"].append(wanted[k].label)
-    if late:
-        meta[TIMING] = list(late.values())
+        if message.label in late:
+            late[message.label].append(wanted[k].label)
+    if late and within:
+        meta[TIMING] = [{"channels": labels, "seconds": within} for labels in late.values()]
         notes.append(
-            f"the time between frames of {', '.join(late)} and those of {next(iter(stamped))} is known to within "
-            f"{within:.2g} s, for which the intervals of metrics allow"
+            f"the time between frames of {', '.join(late)} and those of {fastest} is known to within {within:.2g} s, "
+            "for which the intervals of metrics allow"
         )
     begin, end = in_common({wanted[k].label: time for k, (time, _) in placed.items()})
     most = max((time for time, _ in placed.values()), key=len)
@@ -491,6 +477,13 @@ def _batch(times: list[np.ndarray]) -> float | None:
     shares = [np.mean(np.diff(time) == 0) for time in stamps]
     lengths = [np.median(np.diff(np.unique(time))) for time, share in zip(stamps, shares) if share > BATCHED]
     return float(np.median(lengths)) if lengths else None
+
+
+def _midway(clock: np.ndarray, time: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+    """Instants (N,) of frames by their numbers (N,): midway between the ones before and after, of numbers (F,) [s]."""
+    before = np.searchsorted(clock, numbers, side="right") - 1
+    after = np.searchsorted(clock, numbers)
+    return np.asarray(time[np.maximum(before, 0)] + time[np.minimum(after, clock.size - 1)]) / 2
 
 
 def _shared(times: list[np.ndarray]) -> float | None:

@@ -57,9 +57,9 @@ def read(
     key ``not_read`` lists the others. A channel without any value is left out and listed there, too; the meta key
     ``uncalibrated`` lists those in counts. A column called time or t without a unit is in seconds, which the meta key
     ``seconds_assumed`` tells. What is no value is a gap, which ``no_value`` counts; of samples that share a time stamp
-    the last is kept, and ``doubled_stamps`` counts the others (:mod:`steer_env.recording.table`). Where the mapping
-    gives a channel a delay, all channels are trimmed to the time that remains. An old name of a channel is replaced,
-    and a line on standard error says so.
+    the last is kept, and ``doubled_stamps`` counts the others; ``timing_error_s`` has the channels of a CAN log whose
+    time is known less well than that of the others (:mod:`steer_env.recording.table`). Where the mapping gives a
+    channel a delay, all channels are trimmed to the time that remains.
 
     Parameters
     ----------
