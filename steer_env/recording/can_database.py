@@ -24,12 +24,13 @@ import numpy as np
 from steer_env.friction.numerics.check import number
 from steer_env.recording import own_process
 from steer_env.recording.csv_file import encoding_of
+from steer_env.recording.table import NO_VALUE, gaps
 
 LONGEST = 64  # signal that is read [bit]
 LARGEST = 1e30  # number of a database [unit of its signal]
 FEW = 16  # most names of a signal whose last raw values, where they have names, are codes; assumed [1]
 # Words of a name that say there is no value, in any signal; and those that also may be a state, as of a switch.
-NO_VALUE = (
+INVALID = (
     r"invalid|not valid|unknown|undefin\w*|sna|n a|not avail\w*|unavailable|no data\w*|no signal|no value|missing|"
     r"ung\S* ?\S?ltig|nicht (verf\w*|definiert|vorhanden|verbaut)|kein wert"
 )
@@ -158,7 +159,7 @@ class Column(NamedTuple):
         plain = not signal.unit and (signal.scale, signal.offset) == (1, 0) and signal.length <= 8
         counts = signal.length == 8 and names.keys() <= ends  # a byte of which only codes have names
         states = (plain and not counts) or len(names) > highest - lowest
-        words = rf"\b({NO_VALUE if states else f'{NO_VALUE}|{NO_READING}'})( ?\d+)?\b"
+        words = rf"\b({INVALID if states else f'{INVALID}|{NO_READING}'})( ?\d+)?\b"
         codes = {raw for raw, name in names.items() if re.search(words, _words(name))}
         if not states and len(names) <= FEW:
             codes |= ends
@@ -204,12 +205,10 @@ class Column(NamedTuple):
             if self.is_j1939 and not (signal.is_signed or signal.is_float or signal.length == 1):
                 kinds += _j1939_codes(signal.length, raw)
             kinds += [((values < low) | (values > high), beyond), (~np.isfinite(values), "not a finite number")]
-        left, codes = there.copy(), {}
-        for where, name in kinds:
-            if count := int(np.count_nonzero(where & left)):
-                codes[name] = count
-                left &= ~where
-        return there, np.where(left, values, np.nan), codes
+        told: dict[str, Any] = {}
+        found = np.full(there.size, np.nan)
+        found[there] = gaps(told, self.label, values[there], {name: where[there] for where, name in kinds})
+        return there, found, told.get(NO_VALUE, {}).get(self.label, {})
 
 
 def selected(message: Message, signal: Any, data: np.ndarray, size: np.ndarray) -> np.ndarray:

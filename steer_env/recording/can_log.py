@@ -13,7 +13,7 @@ and the first one after it, and uses no others; where these are more than ``LONG
 holds a code that is no value, it is a gap. The meta ``can`` tells this with the frames, the rate, the longest step and
 the gaps of every message, and how many frames its counter misses; its ``notes`` are sentences for the user.
 
-Frames of one message with one time stamp: where these are more than ``BATCHED`` of a message, the logger stamps in
+Frames of one message with one time stamp: where these are more than ``MOST_DOUBLED`` of a message, the logger stamps in
 batches, and the frames are spread over the time before the stamp, see ``_spread``; of others the last is kept. Both are
 told. A computer that stamps the frames of a batch one by one, as an adapter hands them over, gives stamps that are less
 than ``BURST`` apart; these are taken as one. What a log of batches has of the time between messages is the order of
@@ -43,6 +43,7 @@ from steer_env.recording import can_database, own_process
 from steer_env.recording.can_database import Message, group_of, identifier, selected
 from steer_env.recording.channel_mapping import SIGNED, did_you_mean
 from steer_env.recording.table import (
+    MOST_DOUBLED,
     NO_VALUE,
     TIMING,
     Column,
@@ -58,7 +59,6 @@ from steer_env.recording.units import parse_unit
 SUFFIXES = (".blf", ".asc", ".log", ".trc", ".asc.gz", ".log.gz", ".trc.gz")
 CSV_HEADER = "timestamp,arbitration_id,"  # of a log that python-can wrote as .csv
 LONGEST_STEP = 3.0  # between two frames without a gap, in median periods of the message [1]
-BATCHED = 0.1  # share of a message's frames with the stamp of another from which on stamps are of batches; assumed [1]
 BURST = 1e-3  # between two frames of a batch, and at most a tenth of the message's mean period; assumed [s]
 COUNTERS = ("counter", "alive", "rolling")  # parts of the names of signals that count the frames
 MDF = (".mf4", ".mdf")
@@ -311,9 +311,8 @@ def _raw(entry: can_database.Column, log: Log, known: set[tuple[int, bool]], not
         raw = log.frames[others[0]]
         notes.append(f"{message.label} comes from the source address {sources}, in the database from {own}")
     if raw is None:
-        kinds = ("a standard", "an extended")
         if log.seen[message.frame_id, not message.extended]:
-            one, other = kinds[message.extended], kinds[not message.extended]
+            one, other = ("an extended", "a standard") if message.extended else ("a standard", "an extended")
             return f"never occurs with {one} identifier; it is there as {other} one"
         there = ", ".join(identifier(*key) for key, _ in log.seen.most_common(12))
         return f"never occurs in the log; it has {there}{', ...' * (len(log.seen) > 12)}"
@@ -475,7 +474,7 @@ def _batch(times: list[np.ndarray]) -> float | None:
     """The time between two batches of a log that stamps its frames in batches [s]; None for any other log."""
     stamps = [_stamps(time) for time in times]
     shares = [np.mean(np.diff(time) == 0) for time in stamps]
-    lengths = [np.median(np.diff(np.unique(time))) for time, share in zip(stamps, shares) if share > BATCHED]
+    lengths = [np.median(np.diff(np.unique(time))) for time, share in zip(stamps, shares) if share > MOST_DOUBLED]
     return float(np.median(lengths)) if lengths else None
 
 
@@ -490,7 +489,7 @@ def _shared(times: list[np.ndarray]) -> float | None:
     """The time between two stamps of a log in which frames of several messages share them [s]; None for any other."""
     every = np.concatenate(times)
     stamps = np.unique(every)
-    return float(np.median(np.diff(stamps))) if every.size - stamps.size > BATCHED * every.size else None
+    return float(np.median(np.diff(stamps))) if every.size - stamps.size > MOST_DOUBLED * every.size else None
 
 
 def _spread(stamps: np.ndarray, declared: float | None) -> tuple[np.ndarray, float]:
