@@ -286,7 +286,7 @@ def _channels(recording: Recording) -> dict[str, str]:
             named[channel] = channel
             continue
         for usual in USUAL[channel]:
-            found = [name for name in fitting if _plain(name) == usual and name not in FRICTION]
+            found = [name for name in fitting if plain(name) == usual and name not in FRICTION]
             if len(found) == 1:
                 named[channel] = found[0]
                 break
@@ -316,5 +316,6 @@ def _missing(recording: Recording, named: Mapping[str, str]) -> str:
     return text
 
 
-def _plain(name: str) -> str:
+def plain(name: str) -> str:
+    """The last part of a name in small letters, without spaces and marks."""
     return "".join(letter for letter in name.rpartition(".")[2].lower() if letter.isalnum())

@@ -8,6 +8,7 @@ from os import PathLike
 import numpy as np
 
 from steer_env.recording import can_log, files, friction_record
+from steer_env.recording.friction_record import plain
 from steer_env.recording.table import Column, Table, Values, time_place
 from steer_env.recording.units import file_unit
 
@@ -117,7 +118,7 @@ def _block(
         where = f"{offered[0].negative} where the reading is negative; check it"
         lines.append(f"{off}sign_from = {_quoted(offered[0].sign)}  # {where}")
     lines.append(off + f'unit = "{own or file_unit(unit)}"')
-    size = TORQUES.get(_plain(offered[0].name.rpartition(".")[2])) if offered and name == "handwheel_torque" else None
+    size = TORQUES.get(plain(offered[0].name)) if offered and name == "handwheel_torque" else None
     if size and not own:
         settings = (f"# scale = {size:g}  # one of its values in N m, in databases with this name; check it", *settings)
     return [*lines, *settings, ""]
@@ -164,12 +165,8 @@ def _offered(columns: list[Column], channels: Mapping[str, tuple[str, ...]]) -> 
 
 def _likeness(column: Column, channel: str) -> float:
     """How much the name of a column is like one of those that a channel usually has, from 0 to 1."""
-    name = _plain(column.name.rpartition(".")[2])
-    return max(SequenceMatcher(None, name, _plain(usual)).ratio() for usual in (channel, *USUAL.get(channel, ())))
-
-
-def _plain(name: str) -> str:
-    return "".join(letter for letter in name.lower() if letter.isalnum())
+    name = plain(column.name)
+    return max(SequenceMatcher(None, name, plain(usual)).ratio() for usual in (channel, *USUAL.get(channel, ())))
 
 
 def _spelled(column: Column) -> str | None:
