@@ -25,6 +25,7 @@ from steer_env.vehicle.steering.eps import SAMPLE_TIME, without_assist
 from steer_env.vehicle.tyre import BEYOND_TYRE
 
 Array = NDArray[np.float64]
+BLOCK = 1024  # rows of a record that are taken apart at once
 HOLD = 10  # samples between two calls of a driver
 CLOSE = 1e-5  # error of the lateral acceleration that is reached [1]
 _RESPONSE = ("handwheel_torque", "lateral_speed", "yaw_rate")
@@ -400,7 +401,7 @@ def drive_plant(
         prepared = prepared or open_loop(p, manoeuvre, simulator, near)
     record, steered, advice = _driven(car, p, manoeuvre, prepared, substeps, simulator)
     names = simulator.channels(p)
-    channels = {names[i][0]: record[:, i] for i in _given(record)}
+    channels = {names[i][0]: values for i, values in _by_channel(record).items()}
     held = channels.get("vehicle_speed", np.full(len(record), manoeuvre.speed))
     channels["vehicle_speed"] = channels.get("longitudinal_speed", held)
     if "longitudinal_speed" in channels:
@@ -442,6 +443,18 @@ def _beyond_tyre(car: Car, channels: dict[str, Array]) -> dict[str, list[dict[st
             found.append(car.tyre.beyond(quantity, np.arctan(values) if quantity == "alpha" else values))
     beyond = [each._asdict() for each in found if each]
     return {BEYOND_TYRE: beyond} if beyond else {}
+
+
+def _by_channel(record: Array) -> dict[int, Array]:
+    """Channels (T,) that a record (T, C) gives, by their positions, read-only so that a recording does not copy them."""
+    found = {i: np.empty(len(record)) for i in _given(record)}
+    for start in range(0, len(record), BLOCK):  # which stays in the cache of the processor until all have read it
+        rows = record[start : start + BLOCK]
+        for i, values in found.items():
+            values[start : start + BLOCK] = rows[:, i]
+    for values in found.values():
+        values.flags.writeable = False
+    return found
 
 
 def _given(record: Array) -> list[int]:

@@ -46,7 +46,9 @@ def eased(t: Array, duration: float, ease: float) -> tuple[Array, Array]:
 
     def elapsed(s: Array) -> Array:  # integral of the smooth rise of the rate
         x = np.clip(s / ease, 0.0, 1.0)
-        return ease * (x**3 - 0.5 * x**4) + np.maximum(s - ease, 0.0)
+        rising = (0.0 < x) & (x < 1.0)  # elsewhere all powers of x are x itself, and a power takes long
+        cube, fourth = (np.power(x, n, out=x.copy(), where=rising) for n in (3, 4))
+        return ease * (cube - 0.5 * fourth) + np.maximum(s - ease, 0.0)
 
     up, down = np.clip(t / ease, 0.0, 1.0), np.clip((t - duration) / ease, 0.0, 1.0)
     return elapsed(t) - elapsed(t - duration), up * up * (3.0 - 2.0 * up) - down * down * (3.0 - 2.0 * down)
