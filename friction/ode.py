@@ -5,7 +5,8 @@
 at the constant speed w over the step h, by the explicit Runge-Kutta pair of orders 5 and 4 of Dormand and Prince, with
 the result of order 5. The difference of the two orders is kept, in every substep, below TOLERANCE of the larger of an
 entry of the memory and of its change, and below TOLERANCE of the torque. Across a jump of the rate it shows an
-eightieth of the error at least. The derivative by the speed is a difference quotient of two runs in the same substeps.
+eightieth of the error at least. The rate at the end of a substep is that at the start of the next. The derivative by
+the speed is a difference quotient of two runs in the same substeps.
 Nothing prefers a side, so the mirrored history gives the mirrored results to the bit, and a rate of zero leaves the
 memory as it is.
 
@@ -34,7 +35,8 @@ MOST_SUBSTEPS = 100_000
 STEP_OF_SPEED = 1e-6  # for the derivative, relative to the speed [1]
 LEAST_STEP_OF_SPEED = 1e-9  # for the derivative at rest, assumed small beside every speed of the law [rad/s]
 STAGES = 7
-BLOCKS = 5 + STAGES  # memory, its course and that at another speed, their ends of a substep, rates of the stages
+# Memory, its course and that at another speed, the ends of a substep of both, and the rates of the stages of both.
+BLOCKS = 5 + 2 * STAGES
 
 # Row i: weights of the rates of the stages before stage i; the last row is the result of order 5.
 A = np.array(
@@ -105,7 +107,7 @@ def memory_size(p: Any) -> int:
 
 @kernel
 def _substep(p, torque_scale, start, end, rates, w, h):
-    """One step of the method from the memory ``start`` to ``end``.
+    """One step of the method from the memory ``start``, whose rate is the first of ``rates``, to ``end``.
 
     Returns the mean torque [N m], the largest error over its tolerance, NaN where something is not finite, and whether
     the memory is steady.
@@ -118,10 +120,8 @@ def _substep(p, torque_scale, start, end, rates, w, h):
             for k in range(i):
                 change += A[i, k] * rates[k * n + j]
             end[j] = start[j] + h * change
-        out = rates[i * n : (i + 1) * n]
-        for j in range(n):
-            out[j] = 0.0  # a law may leave out what is zero
-        own_rate(p, torque_scale, end, w, out)
+        if i > 0:
+            _write_rate(p, torque_scale, end, w, rates[i * n : (i + 1) * n])
         T = own_torque(p, torque_scale, end, w)
         mean += ORDER_5[i] * T
         error += DIFFERENCE[i] * T
@@ -137,6 +137,13 @@ def _substep(p, torque_scale, start, end, rates, w, h):
             error += DIFFERENCE[i] * rates[i * n + j]
         worst = _larger(worst, h * error, size + h * abs(rates[j]))
     return mean, worst, steady
+
+
+@kernel
+def _write_rate(p, torque_scale, memory, w, out):
+    for j in range(out.size):
+        out[j] = 0.0  # a law may leave out what is zero
+    own_rate(p, torque_scale, memory, w, out)
 
 
 @kernel
@@ -162,7 +169,7 @@ def _course(p, torque_scale, memory, w, step_of_speed, h):
         memory[3 * n : 4 * n],
         memory[4 * n : 5 * n],
     )
-    rates = memory[5 * n :]
+    rates, rates_other = memory[5 * n : (5 + STAGES) * n], memory[(5 + STAGES) * n :]
     for j in range(n):
         course[j] = memory[j]
     own_cut(p, torque_scale, course)
@@ -170,12 +177,15 @@ def _course(p, torque_scale, memory, w, step_of_speed, h):
         other[j] = course[j]
     T = T_other = mean_other = 0.0
     faster = w + step_of_speed
+    _write_rate(p, torque_scale, course, w, rates[:n])
+    if step_of_speed != 0.0:
+        _write_rate(p, torque_scale, other, faster, rates_other[:n])
     left = dt = h
     before = False
     for _ in range(MOST_SUBSTEPS):
         mean, excess, steady = _substep(p, torque_scale, course, end, rates, w, dt)
         if step_of_speed != 0.0:
-            mean_other, excess_other, too = _substep(p, torque_scale, other, end_other, rates, faster, dt)
+            mean_other, excess_other, too = _substep(p, torque_scale, other, end_other, rates_other, faster, dt)
             excess = excess if excess_other <= excess else excess_other
             steady = steady and too
         if excess <= 1.0:
@@ -184,6 +194,8 @@ def _course(p, torque_scale, memory, w, step_of_speed, h):
             for j in range(n):
                 course[j] = end[j]
                 other[j] = end_other[j]
+                rates[j] = rates[(STAGES - 1) * n + j]
+                rates_other[j] = rates_other[(STAGES - 1) * n + j]
             left -= dt  # exactly zero in the last substep
             if steady and before:
                 T += left * own_torque(p, torque_scale, course, w)
