@@ -106,26 +106,23 @@ def memory_size(p: Any) -> int:
 
 
 @kernel
-def _substep(p, torque_scale, start, end, rates, w, h):
-    """One step of the method from the memory ``start``, whose rate is the first of ``rates``, to ``end``.
-
-    Returns the mean torque [N m], the largest error over its tolerance, NaN where something is not finite, and whether
-    the memory is steady.
-    """
+def _stage(p, torque_scale, i, start, end, rates, w, h):
+    """Write the memory of a stage into ``end`` and its rate into ``rates``, which hold that of the first; the torque."""
     n = start.size
-    mean = error = size = 0.0
-    for i in range(STAGES):
-        for j in range(n):
-            change = 0.0
-            for k in range(i):
-                change += A[i, k] * rates[k * n + j]
-            end[j] = start[j] + h * change
-        if i > 0:
-            _write_rate(p, torque_scale, end, w, rates[i * n : (i + 1) * n])
-        T = own_torque(p, torque_scale, end, w)
-        mean += ORDER_5[i] * T
-        error += DIFFERENCE[i] * T
-        size = max(size, abs(T))
+    for j in range(n):
+        change = 0.0
+        for k in range(i):
+            change += A[i, k] * rates[k * n + j]
+        end[j] = start[j] + h * change
+    if i > 0:
+        _write_rate(p, torque_scale, end, w, rates[i * n : (i + 1) * n])
+    return own_torque(p, torque_scale, end, w)
+
+
+@kernel
+def _judged(start, end, rates, error, size, h):
+    """The largest error of a substep over its tolerance, NaN where something is not finite; whether it is steady."""
+    n = start.size
     worst = _larger(0.0, error, size)
     steady = True
     for j in range(n):
@@ -136,7 +133,7 @@ def _substep(p, torque_scale, start, end, rates, w, h):
         for i in range(STAGES):
             error += DIFFERENCE[i] * rates[i * n + j]
         worst = _larger(worst, h * error, size + h * abs(rates[j]))
-    return mean, worst, steady
+    return worst, steady
 
 
 @kernel
@@ -175,7 +172,7 @@ def _course(p, torque_scale, memory, w, step_of_speed, h):
     own_cut(p, torque_scale, course)
     for j in range(n):
         other[j] = course[j]
-    T = T_other = mean_other = 0.0
+    T = T_other = 0.0
     faster = w + step_of_speed
     _write_rate(p, torque_scale, course, w, rates[:n])
     if step_of_speed != 0.0:
@@ -183,9 +180,20 @@ def _course(p, torque_scale, memory, w, step_of_speed, h):
     left = dt = h
     before = False
     for _ in range(MOST_SUBSTEPS):
-        mean, excess, steady = _substep(p, torque_scale, course, end, rates, w, dt)
+        mean = mean_other = error = error_other = size = size_other = 0.0
+        for i in range(STAGES):  # both courses at once, as a processor works on the one while the other waits
+            at = _stage(p, torque_scale, i, course, end, rates, w, dt)
+            mean += ORDER_5[i] * at
+            error += DIFFERENCE[i] * at
+            size = max(size, abs(at))
+            if step_of_speed != 0.0:
+                at = _stage(p, torque_scale, i, other, end_other, rates_other, faster, dt)
+                mean_other += ORDER_5[i] * at
+                error_other += DIFFERENCE[i] * at
+                size_other = max(size_other, abs(at))
+        excess, steady = _judged(course, end, rates, error, size, dt)
         if step_of_speed != 0.0:
-            mean_other, excess_other, too = _substep(p, torque_scale, other, end_other, rates_other, faster, dt)
+            excess_other, too = _judged(other, end_other, rates_other, error_other, size_other, dt)
             excess = excess if excess_other <= excess else excess_other
             steady = steady and too
         if excess <= 1.0:
