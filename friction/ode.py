@@ -107,7 +107,7 @@ def memory_size(p: Any) -> int:
 
 @kernel
 def _stage(p, torque_scale, i, start, end, rates, w, h):
-    """Write the memory of a stage into ``end`` and its rate into ``rates``, which hold that of the first; the torque."""
+    """Torque of a stage [N m]; its memory goes into ``end``, its rate into ``rates``, which hold that of the first."""
     n = start.size
     for j in range(n):
         change = 0.0
@@ -121,7 +121,10 @@ def _stage(p, torque_scale, i, start, end, rates, w, h):
 
 @kernel
 def _judged(start, end, rates, error, size, h):
-    """The largest error of a substep over its tolerance, NaN where something is not finite; whether it is steady."""
+    """The largest error of a substep over its tolerance, NaN where something is not finite; whether it is steady.
+
+    ``error`` and ``size`` are those of the torque [N m].
+    """
     n = start.size
     worst = _larger(0.0, error, size)
     steady = True
@@ -181,7 +184,7 @@ def _course(p, torque_scale, memory, w, step_of_speed, h):
     before = False
     for _ in range(MOST_SUBSTEPS):
         mean = mean_other = error = error_other = size = size_other = 0.0
-        for i in range(STAGES):  # both courses at once, as a processor works on the one while the other waits
+        for i in range(STAGES):  # of both courses in turns: a processor works on one while a power of the other is due
             at = _stage(p, torque_scale, i, course, end, rates, w, dt)
             mean += ORDER_5[i] * at
             error += DIFFERENCE[i] * at

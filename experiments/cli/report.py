@@ -4,6 +4,7 @@ The report is index.html with metrics.json. It also holds the studies.
 """
 
 import argparse
+import gc
 
 from steer_env.experiments.cli.common import inputs, names, options
 from steer_env.experiments.cli.common.sweeping import add_sweep, runner
@@ -50,6 +51,7 @@ def run(args: argparse.Namespace) -> None:
     from steer_env.experiments.reports import report
     from steer_env.experiments.reports.report_results import Scope
 
+    gc.freeze()  # what is imported stays, and no collection of garbage looks through it again
     parameters = {law.label: law.parameters for law in laws}
     trace = provenance.trace(
         command=args.argv, result=args.out.name, car=car, friction=parameters, inputs=inputs.of(args)

@@ -129,17 +129,23 @@ def provenance_of(results: Results) -> dict[str, Any]:
     }
 
 
-def page_of(
-    results: Results, source: dict[str, Any], look: Look = DEFAULT, ahead: Mapping[str, "Plot"] | None = None
-) -> Page:
-    """The page: what ``report.html.j2`` refers to by name, the numbers as ``r``; ``ahead`` are plots that are drawn."""
+class Ahead(NamedTuple):
+    """What was drawn while other parts were computed."""
+
+    plots: dict[str, "Plot"]  # by test
+    pictures: dict[str, dict[str, str]]  # as SVG by name, by part of the results
+
+
+def page_of(results: Results, source: dict[str, Any], look: Look = DEFAULT, ahead: Ahead | None = None) -> Page:
+    """The page: what ``report.html.j2`` refers to by name, the numbers as ``r``."""
+    ahead = ahead or Ahead({}, {})
     plots_of = {
-        test: (ahead or {}).get(test) or plot(test, drives, results.base, look.full)
+        test: ahead.plots.get(test) or plot(test, drives, results.base, look.full)
         for test, drives in results.drives.items()
     }
     feels = {test: report_findings.feel(results, test, look.noticed) for test in results.drives}
     terms = report_findings.terms(results, look.noticed)
-    drawn = {**_first_pictures(results, terms, look.noticed), **_pictures(results)}
+    drawn = {**_first_pictures(results, terms, look.noticed), **_pictures(results, ahead.pictures)}
     weave = _weave(results)
     values = {
         "r": results,
@@ -191,8 +197,8 @@ def _first_pictures(results: Results, terms: Sequence[report_findings.OnTerm], n
     return drawn
 
 
-def _pictures(results: Results) -> dict[str, str]:
-    """Every picture as SVG, by name."""
+def _pictures(results: Results, ahead: Mapping[str, Mapping[str, str]]) -> dict[str, str]:
+    """Every picture as SVG, by name; ``ahead`` are those of parts that are drawn."""
     drawn = {
         "characteristics": pictures.characteristics(friction_laws.HISTORIES, results.torques),
         "reversal": pictures.reversal_and_hold(friction_laws.HISTORIES, results.torques),
@@ -205,12 +211,19 @@ def _pictures(results: Results) -> dict[str, str]:
         for state in friction_laws.ASSIST:
             tests = [test for test in results.held if test.assist == state]
             drawn[f"held_{state}"] = pictures.held_torque(tests, step, friction_laws.SETTLING)
-    if results.vehicle:
-        drawn["chassis"] = pictures.chassis(results.vehicle.cycles)
-        drawn["parking"] = pictures.parking(results.vehicle.parking)
-    if results.loop_width:
-        drawn["loop_width"] = pictures.loop_width(loop_width.panels(results.loop_width))
+    for name, result in (("full vehicle", results.vehicle), ("loop widths", results.loop_width)):
+        if result:
+            drawn |= ahead.get(name) or _of_part(name, result)
     return drawn
+
+
+def _of_part(name: str, result: Any) -> dict[str, str]:
+    """Pictures of which one part of the results holds everything, as SVG by name; none for other parts."""
+    if name == "full vehicle":
+        return {"chassis": pictures.chassis(result.cycles), "parking": pictures.parking(result.parking)}
+    if name == "loop widths":
+        return {"loop_width": pictures.loop_width(loop_width.panels(result))}
+    return {}
 
 
 class Plot(NamedTuple):
@@ -268,17 +281,19 @@ def build(
         If ``out`` holds other files, a manoeuvre cannot be driven, or the car was changed so that no car file makes it.
     """
     kept = provenance.trace(car=scope.loaded(), friction=laws) if trace is None else trace
-    drawn: dict[str, Plot] = {}
+    ahead = Ahead({}, {})
 
     def draw(part: Part, result: Any) -> None:  # while other parts are computed
         if part.name == "test":
-            drawn[part.of] = plot(part.of, result, base_of(laws), look.full)
+            ahead.plots[part.of] = plot(part.of, result, base_of(laws), look.full)
+        else:
+            ahead.pictures[part.name] = _of_part(part.name, result)
 
     with replaced_directory(Path(out), CONTENTS) as part:
         results = collect(laws, scope, notify, sweep, draw)
         notify(TIMED, "drawing")
         source = provenance_of(results)
         numbers = {"metrics.json": metrics_json(results, source, look)}
-        place(part, page_of(results, source, look, drawn), numbers, kept, beside)
+        place(part, page_of(results, source, look, ahead), numbers, kept, beside)
     notify(1.0, "done")
     return results

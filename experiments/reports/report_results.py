@@ -135,7 +135,7 @@ _PARTS: dict[str, Callable[..., Any]] = {
 # Times that they take with eleven laws, by which the time that is left is told [s]; the fit of Bouc-Wen has an exponent
 # that is no whole number.
 _COST = {"full vehicle": 0.7, "loop widths": 3.5, "test": 1.1, "law": 0.6, "fitted": 2.4, "margins": 0.05}
-_DEAR = {("fitted", "bouc_wen"): 13.0}
+_DEAR = {("fitted", "bouc_wen"): 9.0}
 
 
 def _cost(part: Part) -> float:

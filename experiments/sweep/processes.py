@@ -1,5 +1,6 @@
 """Worker processes of this machine, which end with the program, whatever ends it."""
 
+import gc
 import os
 import signal
 import warnings
@@ -50,12 +51,21 @@ def _performed(tasks: Iterable[Task], workers: int) -> Iterator[Outcome]:
     with _pool(workers) as pool:
         while True:
             with _held():  # few at a time, as loky cannot drop a long queue when it is stopped
-                jobs |= {pool.submit(perform, task) for task in islice(todo, 2 * workers - len(jobs))}
+                jobs |= {pool.submit(_performed_here, task) for task in islice(todo, 2 * workers - len(jobs))}
             if not jobs:
                 return
             done, jobs = wait(jobs, return_when=FIRST_COMPLETED)
             for job in done:
                 yield job.result()
+
+
+def _performed_here(task: Task) -> Outcome:
+    """As :func:`perform`; what the first case has loaded stays, and no collection of garbage looks through it again."""
+    outcome = perform(task)
+    if not gc.get_freeze_count():
+        gc.collect()
+        gc.freeze()
+    return outcome
 
 
 def _reason(error: BrokenProcessPool) -> str:

@@ -402,7 +402,9 @@ def drive_plant(
     record, steered, advice = _driven(car, p, manoeuvre, prepared, substeps, simulator)
     names = simulator.channels(p)
     channels = {names[i][0]: values for i, values in _by_channel(record).items()}
-    held = channels.get("vehicle_speed", np.full(len(record), manoeuvre.speed))
+    time = SAMPLE_TIME * np.arange(1, len(record) + 1)
+    del record  # as large as all channels together
+    held = channels.get("vehicle_speed", np.full(time.size, manoeuvre.speed))
     channels["vehicle_speed"] = channels.get("longitudinal_speed", held)
     if "longitudinal_speed" in channels:
         _require_stable(p, manoeuvre, _reached(p, channels["longitudinal_speed"]))
@@ -410,7 +412,7 @@ def drive_plant(
     if manoeuvre.speed and np.any(np.abs(lateral) > channels["vehicle_speed"]):
         raise LostControlError(f"{manoeuvre.name}: the car spins; {advice}")
     return Recording(
-        time=SAMPLE_TIME * np.arange(1, len(record) + 1),
+        time=time,
         channels=channels,
         units={**{name: unit for name, unit in names if name in channels}, "vehicle_speed": "m/s"},
         meta={
@@ -446,7 +448,7 @@ def _beyond_tyre(car: Car, channels: dict[str, Array]) -> dict[str, list[dict[st
 
 
 def _by_channel(record: Array) -> dict[int, Array]:
-    """Channels (T,) that a record (T, C) gives, by their positions, read-only so that a recording does not copy them."""
+    """Channels (T,) of a record (T, C) by their positions, read-only, so that a recording does not copy them again."""
     found = {i: np.empty(len(record)) for i in _given(record)}
     for start in range(0, len(record), BLOCK):  # which stays in the cache of the processor until all have read it
         rows = record[start : start + BLOCK]
