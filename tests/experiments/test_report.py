@@ -96,6 +96,13 @@ def test_a_full_page_is_interactive(made, source):
     assert sum("plotly-graph-div" in (attrs.get("class") or "") for _, attrs in page.tags) == len(TESTS)
 
 
+def test_pictures_that_were_drawn_while_others_were_computed_are_those_of_the_page(made, source):
+    html = (made[0] / "index.html").read_text(encoding="utf-8")
+    images = report.page_of(made[1], source).values["images"]
+    assert {"chassis", "parking", "loop_width"} <= images.keys()
+    assert all(shown in html for shown in images.values())
+
+
 def test_a_law_that_a_driver_feels_is_told(made, source):
     """A parking torque 1.2 times as large for one law."""
     results = made[1]

@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 
 from steer_env import friction
 from steer_env.friction import law, ode
+from steer_env.friction.numerics.kernel import plainly
 from steer_env.testing import CHECKS, check_plain_python
 from steer_env.testing.histories import at_rest
 
@@ -81,6 +82,25 @@ def test_a_jump_of_the_rate_is_not_taken_as_steady(share):
         law.advance(p, 1.0, memory, 0.1, 1.0)
         # the error across a jump is up to eighty times that which the two orders show; twice, for safety
         assert memory[0] == pytest.approx(jump + share * (0.1 - jump), rel=2 * 80 * ode.TOLERANCE)
+
+
+def test_a_substep_begins_with_the_rate_at_the_end_of_the_last(monkeypatch):
+    """Six rates for a substep of seven stages, and one at the beginning, in each course of both."""
+    p, counts = friction.make("toy_lugre"), {"own_rate": 0, "own_torque": 0}
+    own = ode.EQUATIONS[type(p)]
+
+    def counted(name):
+        def function(*arguments):
+            counts[name] += 1
+            return getattr(own, name)(*arguments)
+
+        return function
+
+    monkeypatch.setitem(ode.EQUATIONS, type(p), own._replace(**{name: counted(name) for name in counts}))
+    plainly(ode.mean_torque)(p, 1.0, at_rest(p), 0.1, 3e-3)
+    substeps = counts["own_torque"] // ode.STAGES
+    assert substeps > 2
+    assert counts == {"own_rate": 6 * substeps + 2, "own_torque": 7 * substeps}
 
 
 def test_what_never_becomes_steady_is_not_a_number_after_the_largest_number_of_substeps():
