@@ -14,6 +14,9 @@ from typing import Any
 from steer_env.experiments.sweep.work import KEPT, LostError, Outcome, Task, perform
 from steer_env.friction.numerics.worker_process import ONE_THREAD, end_with, settle
 
+# glibc keeps what a case has freed for the next [B]; by default it gives the memory of large arrays back to the system
+# at once, and gets it again page by page.
+ENVIRONMENT = {**ONE_THREAD, "MALLOC_MMAP_THRESHOLD_": str(2**25), "MALLOC_TRIM_THRESHOLD_": str(2**28)}
 TRIES = 3  # deaths of workers in a row, with no case finished between them, after which a sweep gives up
 
 
@@ -80,7 +83,7 @@ def _pool(workers: int) -> Iterator[Any]:
     with warnings.catch_warnings():
         # A worker whose memory has grown is replaced by a new one, which loses nothing.
         warnings.filterwarnings("ignore", "A worker stopped while some jobs were given", UserWarning)
-        pool = ProcessPoolExecutor(workers, initializer=_begin, initargs=(os.getpid(),), env=ONE_THREAD)
+        pool = ProcessPoolExecutor(workers, initializer=_begin, initargs=(os.getpid(),), env=ENVIRONMENT)
         try:
             yield pool
         finally:  # what is done has come back; that a process ends by itself takes a second
