@@ -7,9 +7,10 @@ once for all laws, as the plant is, calls them by address (:mod:`steer_env.frict
 
 Every kernel takes ``(p, torque_scale, memory, ...)``: the parameters; a factor on the saturated friction, L in
 equations (1 leaves the parameters as they are; friction that depends on load, wear or temperature changes it) [1];
-and the memory of the law, a view of ``memory_size`` floats that are all zero at rest.
+and the memory of the law, a view of ``memory_size`` floats that are all zero where a motion starts from rest.
 """
 
+import functools
 import math
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
@@ -50,6 +51,7 @@ class Law(NamedTuple):
     continuous: bool
     wide: bool
     modes: Callable[[Any], int]
+    parity: Callable[[Any], tuple[str, ...]]  # of parameters: of each float that the law's file counts
     permission: Callable[[Any], Mapping[str, Any]]
     extends: str
     advance: Callable
@@ -102,6 +104,8 @@ def register(
     wide: bool = False,
     modes: Callable[[Any], int] | None = None,
     cut_back: Callable | None = None,
+    parity: Callable[[Any], tuple[str, ...]] | None = None,
+    rest: Callable | None = None,
     permission: Callable[[Any], Mapping[str, Any]] | None = None,
     extends: str = "",
 ) -> None:
@@ -126,7 +130,8 @@ def register(
     advance : ``(p, torque_scale, memory, w, h) -> None``
         Changes the memory exactly as ``h`` [s] at constant speed ``w`` [rad/s] do.
     rate : ``(p, torque_scale, memory, w, out) -> None``
-        Writes the time derivative of the memory at speed ``w`` into ``out``, as an ODE solver needs it; zero at rest.
+        Writes the time derivative of the memory at speed ``w`` into ``out``, as an ODE solver needs it; at rest it is
+        zero, but for even entries and in a law that ``relaxes``.
     stored_energy : ``(p, memory) -> float``
         Energy that the memory can give back [J].
     mean_torque : ``(p, torque_scale, memory, w, h) -> (float, float)``, optional
@@ -142,7 +147,8 @@ def register(
         The largest decrease of the mean torque over ``h`` with the speed [N m s/rad], over every memory and speed; 0
         by default. The step equation has one solution where ``S`` is larger; another plant is refused. No kernel.
     relaxes : bool
-        Whether a loaded memory gives way at rest (``rate`` is not zero), as a spring behind a damper does.
+        Whether the torque of a loaded law gives way at rest, as that of a spring behind a damper does. Even entries of
+        the memory may change at rest in every law.
     continuous : bool
         Whether ``mean_torque`` at a speed of zero, of either side, is that of a step at rest, to the bit: a plant then
         does not ask for it.
@@ -153,6 +159,14 @@ def register(
         Parameters -> number of floats at the end of the memory that change in jumps (stick, slip), of rate zero.
     cut_back : ``(p, torque_scale, memory) -> None``, optional
         Of a law that is integrated: cuts the memory back to what break-away allows where the torque scale has fallen.
+    parity : callable, optional
+        Parameters -> ``"odd"`` or ``"even"`` for each float of memory. In the mirrored motion an odd one changes its
+        sign, as a bristle's deflection does, and an even one does not: the age of a contact, a temperature. All are odd
+        by default.
+    rest : ``(p, memory) -> None``, optional
+        Of a law that is integrated: writes the values of the even entries with which a motion starts from rest, where
+        they are not zero. What a simulation keeps is the difference from them; the memory of a law with an ``advance``
+        of its own is that difference itself.
     permission : callable, optional
         Parameters -> keywords beyond the fields without which ``make`` would refuse the set, as ``allow_active``.
     extends : str
@@ -161,10 +175,15 @@ def register(
     Raises
     ------
     ValueError
-        If the name is taken, or functions are missing that belong together.
+        If the name is taken, functions are missing that belong together, or those of a law from outside the package do
+        not do what is said here.
     """
+    if parity and not callable(parity):
+        raise ValueError(f"friction law {name!r}: parity must be a function of the parameters, got {parity!r}")
     memory = {"memory_size": memory_size, "advance": advance, "rate": rate, "stored_energy": stored_energy}
-    given = {**memory, "cut_back": cut_back, "torque": torque, "mean_torque": mean_torque, "solve": solve}
+    given = {"rest": rest, **memory, "cut_back": cut_back, "torque": torque, "mean_torque": mean_torque, "solve": solve}
+    functions = _completed(name, parameters, dict(given))
+    relaxing = ode.rest_torque if functions["mean_torque"] is ode.mean_torque else _relaxing
     law = Law(
         name=name,
         parameters=parameters,
@@ -175,11 +194,12 @@ def register(
         relaxes=relaxes,
         continuous=continuous,
         wide=wide,
-        rest_torque=_relaxing if relaxes else _resting,
+        rest_torque=relaxing if relaxes else _resting,
         modes=modes or (lambda p: 0),
+        parity=functools.partial(_checked_parity, name, memory_size or (lambda p: 0), parity),
         permission=permission or (lambda p: {}),
         extends=extends,
-        **_completed(name, parameters, dict(given)),
+        **functions,
     )
     if not parameters.__module__.startswith(_OWN):
         _try(law, given)
@@ -187,7 +207,8 @@ def register(
 
 
 _OWN = "steer_env.friction.models."  # modules of the laws that come with the package, which its tests try
-_ARGUMENTS = {  # of the functions of a law, as :func:`register` describes them
+_ARGUMENTS = {  # of the functions of a law, as :func:`register` describes them; what is at rest comes first
+    "rest": "p, memory",
     "torque": "p, torque_scale, memory, w",
     "advance": "p, torque_scale, memory, w, h",
     "rate": "p, torque_scale, memory, w, out",
@@ -196,6 +217,17 @@ _ARGUMENTS = {  # of the functions of a law, as :func:`register` describes them
     "solve": "p, torque_scale, memory, S, R, h, w_guess",
     "cut_back": "p, torque_scale, memory",
 }
+
+
+def _checked_parity(name: str, memory_size: Callable, parity: Callable | None, p: Any) -> tuple[str, ...]:
+    n = int(memory_size(p))
+    found = tuple(parity(p)) if parity else ("odd",) * n
+    if len(found) != n or not {*found} <= {"odd", "even"}:
+        raise ValueError(
+            f"friction law {name!r}: parity must be 'odd' or 'even' for each of the {n} floats of memory_size, "
+            f"got {found!r}"
+        )
+    return found
 
 
 def _try(law: Law, given: Mapping[str, Any]) -> None:
@@ -207,13 +239,15 @@ def _try(law: Law, given: Mapping[str, Any]) -> None:
         p = law.make()
     except TypeError as error:
         raise ValueError(f"friction law {law.name!r}: make takes keywords, all with defaults: {error}") from None
-    n = int(given["memory_size"](p)) if given["memory_size"] else 0
+    parity = law.parity(p)
+    n = len(parity)
+    start = np.zeros(n)
     for name, function in ((name, given[name]) for name in _ARGUMENTS if given.get(name)):
         told = f"friction law {law.name!r}: {name}({_ARGUMENTS[name]})"
         for w in (0.0, 0.01, -0.01, 3.0, -3.0):
             around = np.full((2, n + 2), _GUARD)
             memory, out = around[0, 1:-1], around[1, 1:-1]
-            memory[:] = out[:] = 0.0
+            memory[:], out[:] = start, 0.0
             values = {
                 "p": p,
                 "torque_scale": np.float64(1.0),
@@ -229,12 +263,24 @@ def _try(law: Law, given: Mapping[str, Any]) -> None:
             except Exception as error:
                 raise ValueError(f"{told} raises at w = {w:g}: {error!r}") from error
             if not (np.isfinite(around).all() and np.isfinite([] if found is None else found).all()):
-                raise ValueError(f"{told} is not finite at w = {w:g}: {found}, memory {memory}")
+                entries = (
+                    f"{each}[{i}] is {values[each][i]}"
+                    for each in ("memory", "out")
+                    for i in np.flatnonzero(~np.isfinite(values[each]))
+                )
+                raise ValueError(f"{told} is not finite at w = {w:g}: {', '.join(entries) or found}")
             if (around[:, [0, -1]] != _GUARD).any():
                 raise ValueError(f"{told} writes beyond the {n} floats of memory_size")
             numbers = {"mean_torque": 2, "torque": 1, "solve": 1, "stored_energy": 1}.get(name, 0)
             if np.size([] if found is None else found) != numbers:
                 raise ValueError(f"{told} must return {numbers or 'no'} numbers, got {found!r}")
+        if name == "rest":
+            start = memory
+            for i in np.flatnonzero(start):
+                if parity[i] == "odd":
+                    raise ValueError(
+                        f"{told}: memory[{i}] is odd and must be 0 at rest, got {start[i]:g}; parity says what is even"
+                    )
 
 
 _GUARD = 7.25  # beside a memory that is tried
@@ -242,7 +288,7 @@ _GUARD = 7.25  # beside a memory that is tried
 
 def _completed(name: str, parameters: type, given: dict[str, Any]) -> dict[str, Any]:
     """All functions of a law from those that its file gives; one that is left out is None."""
-    cut_back = given.pop("cut_back")
+    cut_back, rest = given.pop("cut_back"), given.pop("rest")
     missing = [key for key in ("memory_size", "rate", "stored_energy", "advance") if given[key] is None]
     if given["mean_torque"] is None and given["solve"] is None:
         if missing != ["advance"]:
@@ -251,10 +297,16 @@ def _completed(name: str, parameters: type, given: dict[str, Any]) -> dict[str, 
                 " leave them out together with advance, and is integrated"
             )
         size, rate, torque, energy = (given[key] for key in ("memory_size", "rate", "torque", "stored_energy"))
-        ode.EQUATIONS[parameters] = ode.Equation(size, rate, torque, energy, cut_back or ode.no_cut)
+        own = rate, torque, energy, cut_back or ode.no_cut, rest or ode.no_rest
+        ode.EQUATIONS[parameters] = ode.Equation(size, *own)
         return {key: getattr(ode, key, _newton) for key in given}
     if cut_back:
         raise ValueError(f"friction law {name!r}: cut_back is for laws that are integrated; others cut in advance")
+    if rest:
+        raise ValueError(
+            f"friction law {name!r}: rest is for laws that are integrated; the memory of others is zero at rest, the "
+            "difference from the value there"
+        )
     if missing and len(missing) < 4:
         raise ValueError(f"friction law {name!r} needs all or none of memory_size, advance, rate and stored_energy")
     without = {"memory_size": lambda p: 0, "advance": _no_advance, "rate": _no_rate, "stored_energy": _no_energy}

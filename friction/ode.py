@@ -16,8 +16,9 @@ row say so (one of them may be a jump of the rate), the remainder of the step is
 more than the way there. After MOST_SUBSTEPS, which no law with a fading memory needs, memory and torque become NaN, and
 the plant reports it.
 
-The memory of such a law holds its ``memory_size`` floats and behind them the space that the integration works in, which
-is zero between the steps. Its own functions receive their own floats only.
+The memory of such a law holds its ``memory_size`` floats, less their values at rest, and behind them the space that the
+integration works in, which is zero between the steps: all of it is zero where a motion starts. The law's own functions
+receive their own floats only, with the values at rest.
 
 Source: Dormand, Prince, J. Computational and Applied Mathematics 6 (1980) 19-26.
 """
@@ -63,6 +64,7 @@ class Equation(NamedTuple):
     own_torque: Callable
     own_energy: Callable
     own_cut: Callable
+    own_rest: Callable
 
 
 EQUATIONS: dict[type, Equation] = {}  # by the class of the parameters
@@ -91,7 +93,12 @@ def own_cut(p, torque_scale, memory):
     EQUATIONS[type(p)].own_cut(p, torque_scale, memory)
 
 
-for _point in (own_rate, own_torque, own_energy, own_cut):
+def own_rest(p, memory):
+    """Write the values at rest that are not zero into the law's own memory."""
+    EQUATIONS[type(p)].own_rest(p, memory)
+
+
+for _point in (own_rate, own_torque, own_energy, own_cut, own_rest):
     dispatch(_point, lambda parameters, name: getattr(EQUATIONS.get(parameters), name, None))
 
 
@@ -100,9 +107,24 @@ def no_cut(p, torque_scale, memory):
     """For a law that leaves its memory as it is when the torque scale falls."""
 
 
+@kernel
+def no_rest(p, memory):
+    """For a law whose memory is zero at rest."""
+
+
 def memory_size(p: Any) -> int:
     """Floats of memory of a law with an equation, with the space to work in."""
     return BLOCKS * EQUATIONS[type(p)].memory_size(p)
+
+
+@kernel
+def _read(p, memory, own):
+    """Write the law's own memory, with the values at rest."""
+    for j in range(own.size):
+        own[j] = 0.0
+    own_rest(p, own)
+    for j in range(own.size):
+        own[j] += memory[j]
 
 
 @kernel
@@ -170,8 +192,7 @@ def _course(p, torque_scale, memory, w, step_of_speed, h):
         memory[4 * n : 5 * n],
     )
     rates, rates_other = memory[5 * n : (5 + STAGES) * n], memory[(5 + STAGES) * n :]
-    for j in range(n):
-        course[j] = memory[j]
+    _read(p, memory, course)
     own_cut(p, torque_scale, course)
     for j in range(n):
         other[j] = course[j]
@@ -245,13 +266,24 @@ def mean_torque(p, torque_scale, memory, w, h):
 
 
 @kernel
+def rest_torque(p, torque_scale, memory, h):
+    """Mean torque over ``h`` at rest [N m], without another speed, which would prefer its side."""
+    T, _ = _course(p, torque_scale, memory, 0.0, 0.0, h)
+    _clear(memory)
+    return T / h
+
+
+@kernel
 def advance(p, torque_scale, memory, w, h):
     """Advance the memory over ``h`` [s] at constant speed ``w`` [rad/s]."""
     _course(p, torque_scale, memory, w, 0.0, h)
     n = memory.size // BLOCKS
     own_cut(p, torque_scale, memory[n : 2 * n])  # of what it passes break-away by, within the tolerance
     for j in range(n):
-        memory[j] = memory[n + j]
+        memory[j] = 0.0
+    own_rest(p, memory[:n])
+    for j in range(n):
+        memory[j] = memory[n + j] - memory[j]
     _clear(memory)
 
 
@@ -260,8 +292,7 @@ def torque(p, torque_scale, memory, w):
     """Torque at this moment [N m]."""
     n = memory.size // BLOCKS
     cut = memory[n : 2 * n]
-    for j in range(n):
-        cut[j] = memory[j]
+    _read(p, memory, cut)
     own_cut(p, torque_scale, cut)
     T = own_torque(p, torque_scale, cut, w)
     _clear(memory)
@@ -272,10 +303,18 @@ def torque(p, torque_scale, memory, w):
 def rate(p, torque_scale, memory, w, out):
     """Write the time derivative of the memory at speed ``w`` [rad/s] into ``out``."""
     n = memory.size // BLOCKS
-    own_rate(p, torque_scale, memory[:n], w, out[:n])
+    own = memory[n : 2 * n]
+    _read(p, memory, own)
+    own_rate(p, torque_scale, own, w, out[:n])
+    _clear(memory)
 
 
 @kernel
 def stored_energy(p, memory):
     """Energy that the memory can give back [J]."""
-    return own_energy(p, memory[: memory.size // BLOCKS])
+    n = memory.size // BLOCKS
+    own = memory[n : 2 * n]
+    _read(p, memory, own)
+    energy = own_energy(p, own)
+    _clear(memory)
+    return energy

@@ -576,6 +576,7 @@ _TOGETHER = Law(
     continuous=False,
     wide=True,  # where all of them are
     modes=lambda p: 0,
+    parity=lambda p: sum((law_of(site.law).parity(site.law) for site in p), ()),
     permission=lambda p: {},
     extends="",
     stored_energy=_stored_in_all,

@@ -18,6 +18,8 @@ from steer_env.experiments.learning import held_out
 from steer_env.experiments.learning.controllers import ZeroAction
 from steer_env.friction import law
 from steer_env.registration import id_of
+from steer_env.testing import check_friction_law
+from steer_env.testing.histories import after
 from steer_env.vehicle import cars
 from tests.needs import needs
 
@@ -131,13 +133,22 @@ def test_joint_friction():
     assert found["frictionloss, default"][0] > 1e-3
 
 
-@pytest.fixture
-def own_laws(monkeypatch):
-    """The module of the example, importable in other processes too, and forgotten afterwards."""
+def imported(monkeypatch, name):
+    """The module of an example with laws, importable in other processes too, and forgotten afterwards."""
     monkeypatch.syspath_prepend(str(FOLDER))
     with law.LAWS.restored():
-        yield importlib.import_module("own_friction_laws")
-        del sys.modules["own_friction_laws"]
+        yield importlib.import_module(name)
+        del sys.modules[name]
+
+
+@pytest.fixture
+def own_laws(monkeypatch):
+    yield from imported(monkeypatch, "own_friction_laws")
+
+
+@pytest.fixture
+def rate_and_state(monkeypatch):
+    yield from imported(monkeypatch, "rate_and_state")
 
 
 @pytest.mark.whole
@@ -154,7 +165,99 @@ def test_the_equation_of_the_example_has_dahls_closed_form(own_laws, i):
     np.testing.assert_allclose((1.0 - F / 0.9) ** (1.0 - i), 1.0 + (i - 1.0) * 100.0 * x / 0.9, rtol=1e-7)
 
 
-def test_the_page_on_own_laws_shows_the_example():
+@pytest.mark.parametrize(("k", "script"), [(1, "own_friction_laws"), (2, "rate_and_state")])
+def test_the_page_on_own_laws_shows_the_examples(k, script):
     page = (FOLDER.parent / "docs" / "own_friction_law.md").read_text()
-    code = page.split("```python\n")[1].split("```")[0]
-    assert code in (FOLDER / "own_friction_laws.py").read_text()
+    code = page.split("```python\n")[k].split("```")[0]
+    assert code in (FOLDER / f"{script}.py").read_text()
+
+
+RATE_AND_STATE = {"F_0": 0.9, "a": 0.02, "b": 0.025, "D_c": 0.1, "v_0": 0.1, "theta_0": 3.0}
+STIFF = {"law": "rate_and_state", "k": 1e4, **RATE_AND_STATE}  # a/k is 2e-5 of D_c: the slip follows the motion
+
+
+@pytest.mark.whole
+def test_rate_and_state_keeps_every_contract(rate_and_state):
+    check_friction_law("rate_and_state")
+
+
+@pytest.mark.parametrize("v", [1e-3, 0.1, 0.7, -5.0])
+def test_rate_and_state_slides_with_the_steady_torque_of_the_literature(rate_and_state, v):
+    """mu = mu_0 + (a - b) ln(v/v_0) of Dieterich and Ruina; the regularisation is below exp(-2 F_0/a)."""
+    T = friction.response({"law": "rate_and_state", **RATE_AND_STATE}, [0.0, np.sign(v) * 5.0], 5.0 / abs(v))[-1]
+    assert T == pytest.approx(np.sign(v) * (0.9 + (0.02 - 0.025) * np.log(abs(v) / 0.1)), rel=1e-8)
+
+
+def test_rate_and_state_answers_a_jump_of_the_speed_as_the_literature_does(rate_and_state):
+    """At once by a ln(v2/v1), then with theta = D_c/v2 + (D_c/v1 - D_c/v2) exp(-v2 t/D_c) of the ageing law."""
+    p, v1, v2, dt, D_c = friction.resolve(STIFF), 0.1, 1.0, 1e-4, 0.1
+    memory = after(p, [(v1, 0.5)] * 40)
+    slow, t, found = law.torque(p, 1.0, memory, v1), dt * np.arange(1, 4000), []
+    for _ in t:
+        law.advance(p, 1.0, memory, v2, dt)
+        found.append(law.torque(p, 1.0, memory, v2))
+    theta = D_c / v2 + (D_c / v1 - D_c / v2) * np.exp(-v2 * t / D_c)
+    expected = 0.9 + 0.02 * np.log(v2 / 0.1) + 0.025 * np.log(0.1 * theta / D_c)
+    np.testing.assert_allclose(found, expected, atol=1e-5)
+    assert found[0] - slow == pytest.approx(0.02 * np.log(v2 / v1), abs=1e-4)
+
+
+@pytest.mark.parametrize("hold", [1.0, 10.0, 100.0, 1000.0])
+def test_rate_and_state_heals_with_the_logarithm_of_a_hold(rate_and_state, hold):
+    """The peak after it is above the steady torque by b ln(1 + v t/D_c), as the age grows by t."""
+    p, v, dt = friction.resolve(STIFF), 0.1, 1e-5
+    memory = after(p, [(v, 0.5)] * 40)
+    steady = law.torque(p, 1.0, memory, v)
+    law.advance(p, 1.0, memory, 0.0, hold)
+    assert memory[1] + 3.0 == pytest.approx(0.1 / v + hold, rel=1e-3)
+    torques = []
+    for _ in range(1000):
+        law.advance(p, 1.0, memory, v, dt)
+        torques.append(law.torque(p, 1.0, memory, v))
+    assert max(torques) - steady == pytest.approx(0.025 * np.log(1.0 + v * hold / 0.1), abs=1e-3 * 0.9)
+
+
+def test_a_motion_starts_with_the_age_of_rest(rate_and_state):
+    """The first torque with which a young and an old contact slide differs by b times the logarithm of their ages."""
+    peaks = [friction.response(STIFF | {"theta_0": age}, 1e-6 * np.arange(200), 1e-5).max() for age in (1.0, 100.0)]
+    assert peaks[1] - peaks[0] == pytest.approx(0.025 * np.log(100.0), rel=0.01)
+
+
+@pytest.mark.parametrize("vector", [False, True])
+def test_an_environment_starts_with_the_age_of_rest(rate_and_state, vector):
+    """Two rows and one alone, each with its age; an older contact holds the handwheel more firmly."""
+    found = []
+    for age in (0.01, 1e6):
+        given = {"law": "rate_and_state", "b": 0.1, "theta_0": age}
+        name = id_of("AssistWeave")
+        env = gym.make_vec(name, num_envs=2, friction=given) if vector else gym.make(name, friction=given)
+        env.reset(seed=1)
+        actions = np.zeros(env.action_space.shape, np.float32)
+        rows = [np.atleast_2d(env.step(actions)[0]) for _ in range(200)]
+        assert np.isfinite(rows).all()
+        found.append(np.array(rows)[:, 0])
+        env.close()
+    assert not np.array_equal(found[0], found[1])
+
+
+def test_a_record_of_reversals_determines_rate_and_state(rate_and_state):
+    """At three speeds, stiffness, sliding torque and both effects; the distance and the ages are given."""
+    true, dt = RATE_AND_STATE | {"k": 80.0, "F_0": 1.2, "D_c": 0.02}, 5e-3
+    pieces = [s * w * dt * np.ones(int(0.16 / (w * dt))) for w in (0.05, 0.2, 0.6) for s in (1.0, -1.0, 1.0, -1.0)]
+    x = np.concatenate([[0.0], np.cumsum(np.concatenate(pieces))])
+    record = friction.response({"law": "rate_and_state", **true}, x, dt) + 0.05
+    fixed = {name: true[name] for name in ("D_c", "v_0", "theta_0")}
+    fit = friction.fit(x, record, "rate_and_state", dt=dt, fixed=fixed)
+    assert fit.residual < 1e-6
+    assert fit.offset == pytest.approx(0.05, rel=1e-4)
+    for name in ("k", "F_0", "a", "b"):
+        assert getattr(fit.parameters, name) == pytest.approx(true[name], rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [({"b": 3.0}, r"b must be less than k D_c = 2, .* got 3"), ({"theta_0": 0.0}, "theta_0 must be")],
+)
+def test_rate_and_state_refuses_what_does_not_hold(rate_and_state, given, message):
+    with pytest.raises(ValueError, match=message):
+        friction.make("rate_and_state", **given)

@@ -52,6 +52,23 @@ def after(p: Any, history: list[tuple[float, float]], torque_scale: float = 1.0,
     return memory
 
 
+def odd(p: Any, memory: Array) -> NDArray[np.bool_]:
+    """Which floats of a memory are odd."""
+    return np.resize(np.array([each == "odd" for each in law.law_of(p).parity(p)], bool), memory.size)
+
+
+def mirrored(p: Any, memory: Array) -> Array:
+    """Memory, or its rate, of the mirrored motion."""
+    return np.where(odd(p, memory), -memory, memory)
+
+
+def extent(p: Any, torque_scale: float) -> Array:
+    """The largest float of the same parity after a long slide and a rest: what rounding is compared with."""
+    slid = after(p, [(1.0, 100.0)], torque_scale)
+    found, turns = np.maximum(np.abs(slid), np.abs(after(p, [(0.0, 1.0)], torque_scale, slid))), odd(p, slid)
+    return np.where(turns, found.max(where=turns, initial=0.0), found.max(where=~turns, initial=0.0))
+
+
 def rate(p: Any, torque_scale: float, memory: Array, w: float) -> Array:
     """Time derivative of the memory at the speed ``w`` [rad/s]."""
     out = np.zeros_like(memory)

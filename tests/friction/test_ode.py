@@ -1,7 +1,9 @@
 """Laws that give their differential equation only: the integration against closed forms and against scipy."""
 
 import importlib
+import re
 import sys
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -10,8 +12,8 @@ from scipy.integrate import solve_ivp
 from steer_env import friction
 from steer_env.friction import law, ode
 from steer_env.friction.numerics.kernel import plainly
-from steer_env.testing import CHECKS, check_plain_python
-from steer_env.testing.histories import at_rest
+from steer_env.testing import CHECKS, check_plain_python, friction_law
+from steer_env.testing.histories import after, at_rest
 
 STRIBECK = {"sigma_1": 1.0, "sigma_2": 0.6, "F_c": 0.9, "F_s": 1.35, "v_s": 0.02}
 
@@ -26,12 +28,127 @@ def toys():
 
 
 @pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__)
-def test_contract(check):
-    check(friction.make("toy_jenkins_dahl"))
+@pytest.mark.parametrize(
+    "given",
+    ["toy_jenkins_dahl", "toy_thermal", {"law": "toy_thermal", "tau": 60.0, "heating": 0.03}],
+    ids=["two bristles", "bristle and temperature", "slow temperature"],
+)
+def test_contract(given, check):
+    check(friction.resolve(given))
 
 
 def test_plain_python_equals_compiled():
-    check_plain_python([friction.make("toy_jenkins_dahl")])
+    check_plain_python([friction.make("toy_jenkins_dahl"), friction.make("toy_thermal")])
+
+
+@pytest.mark.parametrize("T_0", [0.0, 293.0, -1e3])
+def test_the_temperature_of_rest_changes_no_torque(T_0):
+    """What is kept is the difference from rest, with the rounding of a temperature."""
+    x = 0.05 * np.sin(np.linspace(0.0, 20.0, 400))
+    found, expected = (friction.response({"law": "toy_thermal", "T_0": each}, x, 1e-2) for each in (T_0, 1.0))
+    np.testing.assert_allclose(found, expected, rtol=1e-7)
+
+
+def test_a_temperature_rises_in_motion_and_falls_at_rest_as_its_closed_form():
+    p, w, t = friction.make("toy_thermal"), 2.0, 0.013
+    memory = after(p, [(w, t)])
+    warm = p.heating * w * p.tau * (1.0 - np.exp(-t / p.tau))
+    assert memory[1] == pytest.approx(warm, rel=1e-8)
+    law.advance(p, 1.0, memory, 0.0, t)
+    assert memory[1] == pytest.approx(warm * np.exp(-t / p.tau), rel=1e-8)
+
+
+@pytest.fixture
+def changed(toys, request):
+    """The law with a temperature under another name, for one test, with other functions."""
+
+    def register(given, without=()):
+        kind = re.sub(r"\W", "_", request.node.name)  # of its own, by which what is compiled is kept
+        parameters = NamedTuple(kind, [(name, float) for name in toys.Thermal._fields])
+        functions = toys.THERMAL | {"make": lambda: parameters(*toys.make_thermal())} | given
+        law.register("changed", parameters, **{key: functions[key] for key in functions.keys() - {*without}})
+        return friction.make("changed")
+
+    with law.LAWS.restored():
+        yield register
+
+
+def second(value):
+    return lambda p, memory: memory.__setitem__(1, value)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"parity": lambda p: ("odd",)}, r"parity must be .* each of the 2 floats of memory_size, got \('odd',\)"),
+        ({"parity": lambda p: ("odd", "both")}, r"parity must be 'odd' or 'even' .*got \('odd', 'both'\)"),
+        ({"parity": ("odd", "even")}, "parity must be a function of the parameters, got"),
+        (
+            {"parity": None},
+            r"rest\(p, memory\): memory\[1\] is odd and must be 0 at rest, got 293; parity says",
+        ),
+        ({"rest": second(np.nan)}, r"rest\(p, memory\) is not finite at w = 0: memory\[1\] is nan"),
+        ({"rest": lambda p, memory: memory.__setitem__(2, 1.0)}, r"rest\(p, memory\) raises at w = 0: IndexError"),
+        ({"rest": lambda p, memory: 1.0}, r"rest\(p, memory\) must return no numbers, got 1.0"),
+        ({"rate": lambda p, L, memory, w, out: out.__setitem__(1, np.inf)}, r"is not finite at w = 0: out\[1\] is inf"),
+        (
+            {"mean_torque": lambda p, L, memory, w, h: (0.0, 0.0), "advance": ode.advance, "cut_back": None},
+            "rest is for laws that are integrated; the memory of others is zero at rest",
+        ),
+    ],
+)
+def test_a_bad_parity_or_rest_is_refused(changed, given, message):
+    with pytest.raises(ValueError, match=f"^friction law 'changed': .*{message}"):
+        changed(given)
+    assert "changed" not in friction.available()
+
+
+def test_functions_are_tried_with_the_memory_of_rest(changed):
+    """A rate that divides by the temperature is finite at rest."""
+    changed({"rate": lambda p, L, memory, w, out: out.__setitem__(1, w / memory[1])})
+    with pytest.raises(ValueError, match=r"rate\(.* is not finite at w = 0: out\[1\] is nan"):
+        changed({"rate": lambda p, L, memory, w, out: out.__setitem__(1, w / memory[1])}, without=["rest"])
+
+
+UNCUT = r"memory\[0\] must not stay beyond the .* of a slide, found .*: the law has no cut_back"
+
+
+def test_two_bristles_without_cut_back_are_told_that_it_is_missing(toys):
+    with law.LAWS.restored():
+        parameters = NamedTuple("Uncut", [(name, float) for name in toys.JenkinsDahl._fields])
+        functions = {"torque": toys.torque, "rate": toys.rate, "stored_energy": toys.stored_energy}
+        p = parameters(*toys.make_jenkins_dahl())
+        law.register("uncut", parameters, make=lambda: p, memory_size=lambda p: 2, **functions)
+        with pytest.raises(AssertionError, match=f"(?s)the mean torque must fall by 0 N m s/rad at most.*{UNCUT}"):
+            friction_law.check_steepest_fall(p)
+
+
+@pytest.mark.parametrize(
+    ("parity", "message"),
+    [
+        (("odd", "odd"), r"memory\[1\], which is odd, must be -.*; parity has to say that it is even"),
+        (("even", "even"), r"memory\[0\], which is even, must be "),
+    ],
+)
+def test_a_parity_that_a_law_does_not_keep_names_the_entry_of_its_memory(monkeypatch, parity, message):
+    p = friction.make("toy_thermal")
+    monkeypatch.setitem(law.LAWS._by_class, type(p), law.law_of(p)._replace(parity=lambda p: parity))
+    with pytest.raises(AssertionError, match=message):
+        friction_law.check_odd_symmetry(p)
+
+
+def test_a_loaded_memory_that_gives_way_at_rest_is_named(monkeypatch):
+    p = friction.make("exponential_spring", k_m=50.0, tau_m=0.2)
+    monkeypatch.setitem(law.LAWS._by_class, type(p), law.law_of(p)._replace(relaxes=False))
+    with pytest.raises(AssertionError, match=r"rate at rest, .* of memory\[1\], which is odd, must be 0, found "):
+        friction_law.check_rest(p)
+
+
+def test_a_torque_that_gives_way_at_rest_is_refused_where_the_law_does_not_say_so(changed, toys):
+    """A bristle whose stiffness falls as the temperature does."""
+    p = changed({"torque": toys.stiffened_torque, "stored_energy": toys.stiffened_energy})
+    with pytest.raises(AssertionError, match=r"the torque of a held step must stay at .* N m unless the law relaxes"):
+        friction_law.check_rest(p)
 
 
 @pytest.mark.parametrize("values", [{}, STRIBECK])

@@ -4,6 +4,7 @@
 * ``toy_jenkins_dahl``: a spring with a slider, whose rate jumps, beside an exponential spring.
 * ``toy_jump``: a spring whose rate jumps to another one, a trap for what takes a law as steady.
 * ``toy_wheel``: a memory that turns for ever, which no law of friction does.
+* ``toy_thermal``: a bristle whose sliding torque falls with a temperature, which motion raises and rest lowers.
 """
 
 from typing import NamedTuple
@@ -39,6 +40,15 @@ class Wheel(NamedTuple):
     turns: float  # radian per radian of motion [1]
 
 
+class Thermal(NamedTuple):
+    k: float  # stiffness [N m/rad]
+    F_c: float  # sliding torque at the temperature of rest [N m]
+    softening: float  # of the sliding torque with the temperature [1/K]
+    heating: float  # by motion [K/rad]
+    tau: float  # time in which the temperature falls [s]
+    T_0: float  # temperature at rest [K]
+
+
 def make_lugre(
     *,
     sigma_0: float = 100.0,
@@ -65,6 +75,19 @@ def make_jump(*, y: float = 0.01, share: float = 100.0) -> Jump:
 def make_wheel(*, turns: float = 1e9) -> Wheel:
     """Not checked."""
     return Wheel(turns)
+
+
+def make_thermal(
+    *,
+    k: float = 100.0,
+    F_c: float = 0.9,
+    softening: float = 0.01,
+    heating: float = 100.0,
+    tau: float = 0.02,
+    T_0: float = 293.0,
+) -> Thermal:
+    """Not checked."""
+    return Thermal(k, F_c, softening, heating, tau, T_0)
 
 
 @kernel
@@ -126,6 +149,66 @@ def wheel_energy(p, memory):
     return 0.5 * (memory[0] ** 2 + memory[1] ** 2)
 
 
+@kernel
+def thermal_torque(p, torque_scale, memory, w):
+    return p.k * memory[0]
+
+
+@kernel
+def thermal_yield(p, torque_scale, memory):
+    return torque_scale * p.F_c / p.k / (1.0 + p.softening * max(memory[1] - p.T_0, 0.0))
+
+
+@kernel
+def thermal_rate(p, torque_scale, memory, w, out):
+    out[0] = w - abs(w) * memory[0] / thermal_yield(p, torque_scale, memory)
+    out[1] = p.heating * abs(w) - (memory[1] - p.T_0) / p.tau
+
+
+@kernel
+def thermal_energy(p, memory):
+    return 0.5 * p.k * memory[0] ** 2
+
+
+@kernel
+def stiffened_torque(p, torque_scale, memory, w):
+    return p.k * memory[0] * memory[1] / p.T_0
+
+
+@kernel
+def stiffened_energy(p, memory):
+    return 0.5 * p.k * memory[0] ** 2 * memory[1] / p.T_0
+
+
+@kernel
+def thermal_cut(p, torque_scale, memory):
+    memory[0] = held(memory[0], torque_scale * p.F_c / p.k)
+
+
+@kernel
+def thermal_rest(p, memory):
+    memory[1] = p.T_0
+
+
+def thermal_fall(p, torque_scale, h):
+    """Of the yield by the heat, and of a bristle that a fall of the torque scale has left at the yield of rest."""
+    hot = p.softening * p.heating * p.tau * 32.0  # at the largest speed of the checks, 10^1.5 rad/s
+    return torque_scale * p.F_c * p.softening * p.heating * min(h, p.tau) + 0.5 * p.k * h * hot
+
+
+THERMAL = {
+    "make": make_thermal,
+    "memory_size": lambda p: 2,
+    "parity": lambda p: ("odd", "even"),
+    "rest": thermal_rest,
+    "torque": thermal_torque,
+    "rate": thermal_rate,
+    "stored_energy": thermal_energy,
+    "cut_back": thermal_cut,
+    "steepest_fall": thermal_fall,
+}
+
+register("toy_thermal", Thermal, **THERMAL)
 register(
     "toy_lugre",
     EquationLuGre,
