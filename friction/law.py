@@ -35,6 +35,7 @@ class Sliders(NamedTuple):
     made: Callable[..., Any]  # levels (N,) [N m], yields (N,) [rad] -> parameters
     one: Callable[[float, float, float, float], Any] | None = None  # -> parameters of a slider of level 1 [N m]
     by_position: bool = False  # whether a level may grow to either end of the stroke, from zero at the other one
+    viscous: str = ""  # parameter of a viscous part beside the sliders
 
 
 class Law(NamedTuple):

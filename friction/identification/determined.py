@@ -1,11 +1,9 @@
 """Which parameters a record determines, found from the fit and not declared (F34), and their intervals (F35, F37).
 
-The intervals allow for residuals that are not independent of each other. Block bootstrap and profile of the loss do
-without the linear theory.
+The intervals allow for residuals that are not independent of each other.
 """
 
 import math
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,8 +26,7 @@ STRETCHES = 10  # parts of a record without equal periods ...
 LEAST = 5  # ... or with fewer of them
 SPEEDS = 1.5  # over each other, of the 95th and the 5th percentile of the way: less is one speed; assumed [1]
 FAR = 20.0  # travels of the record, after which a law slides; assumed [1]
-DRAWS = 400  # resamplings
-BLOCKS = 40  # of the weighed samples
+UNSURE = 0.5  # of what noise of x moves the parameters by, which intervals allow for; assumed [1]
 DAMPING = "N m s/rad"
 SIZE = 1.96  # deviations of the normal distribution: 95 %
 
@@ -41,13 +38,18 @@ class Estimate(NamedTuple):
     space: Space  # of what is left
     optimum: Optimum
     undetermined: list[str]
-    edges: dict[str, float]  # half the widths of the intervals of coordinates that ended at zero [1]
     wide: tuple[Space, Optimum] | None  # before estimates that are not determined were held; None: there are none
+    shift: NDArray[np.float64] | None = None  # of the coordinates, by which noise of x had moved them [1]
 
     @property
     def factors(self) -> NDArray[np.float64]:
         """Of the problem's columns: offset [1]."""
-        return self.optimum.q[len(self.space.sought) :]
+        return self.optimum.q[self.space.size :]
+
+    @property
+    def slid(self) -> list[NDArray[np.float64]]:
+        """Levels, yields and slopes of sliders [1]."""
+        return self.space.slid(self.optimum.q[: self.space.size])
 
 
 def samples_per_count(residual: NDArray) -> float:
@@ -116,20 +118,17 @@ def determined(problem: Problem, space: Space, optimum: Optimum) -> Estimate:
         if name is None:
             break
         undetermined.append(name)
-        space = space.without(name, optimum.q[: len(space.sought)], 0.0)
+        space = space.without(name, optimum.q[: space.size], 0.0)
         optimum = searched(problem, space, STARTS, 0, False)
     kept = [s.name for s in space.sought if excess[s.name] > 1.0]
     wide = (space, optimum) if kept else None
-    at_zero = {s.name: h for s, q, h in zip(space.sought, optimum.q, half) if s.spare and s.bounded and q < EDGE}
-    for name in [*kept, *(name for name in at_zero if name not in kept)]:  # where the search would only chatter
+    for name in kept:  # where the search would only chatter
         i = [s.name for s in space.sought].index(name)
-        q = optimum.q[: len(space.sought)]
-        space = space.without(name, q, 0.0 if name in at_zero else float(q[i]))
+        space = space.without(name, optimum.q[: space.size], float(optimum.q[i]))
         optimum = optimum._replace(q=np.delete(optimum.q, i))
     optimum = refined(problem, space, optimum, final=True)
-    parameters, _ = space.made(optimum.q[: len(space.sought)])
-    edges = {name: float(h) for name, h in at_zero.items() if name not in kept}
-    return Estimate(parameters, space, optimum, undetermined + kept, edges, wide)
+    parameters, _ = space.made(optimum.q[: space.size])
+    return Estimate(parameters, space, optimum, undetermined + kept, wide)
 
 
 def one_speed(problem: Problem) -> bool:
@@ -155,9 +154,9 @@ def _damping(problem: Problem, space: Space, optimum: Optimum) -> str | None:
     """
     units = {s.name: space.law.units.get(s.name) for s in space.sought}
     spare = [i for i, s in enumerate(space.sought) if s.neutral == 0.0 and units[s.name] == DAMPING]
-    if not spare or "N m" not in units.values() or not one_speed(problem):
+    if not spare or not ("N m" in units.values() or space.sliders) or not one_speed(problem):
         return None
-    far, q = far_slide(problem), optimum.q[: len(units)]
+    far, q = far_slide(problem), optimum.q[: space.size]
 
     def sliding(each: NDArray) -> float:
         return float(far.response(space.law, space.made(each)[0])[-1])
@@ -208,7 +207,7 @@ def _spared(
 
 def _beyond(problem: Problem, space: Space, optimum: Optimum, excess: dict[str, float]) -> str | None:
     """A break-away that the record neither determines nor shows: ``BEYOND`` times its largest torque; None without."""
-    n = len(space.sought)
+    n = space.size
     values = space.values(optimum.q[:n])
     shown = np.abs(problem.torque - problem.columns @ optimum.q[n:])[problem.weighed] / problem.levels[problem.weighed]
     for s, q in zip(space.sought, optimum.q.tolist()):
@@ -229,7 +228,7 @@ def _half_widths(optimum: Optimum, floor: float) -> NDArray[np.float64]:
 
 def _without(problem: Problem, space: Space, optimum: Optimum, name: str) -> tuple[Space, Optimum] | None:
     """Space and optimum with a parameter at its neutral value; None where that is not allowed or fits worse."""
-    n = len(space.sought)
+    n = space.size
     i = [s.name for s in space.sought].index(name)
     try:
         smaller = space.without(name, optimum.q[:n], space.sought[i].neutral)
@@ -240,7 +239,7 @@ def _without(problem: Problem, space: Space, optimum: Optimum, name: str) -> tup
     squares = float(np.sum(optimum.residual**2))
     allowed = growth * (squares + FLOOR**2 * optimum.residual.size)
     allowed = max(allowed, problem.own**2 * optimum.residual.size - squares)  # else it describes the noise of x
-    again = np.where([s.bounded for s in smaller.sought], smaller.start, smaller.inside)  # what was zero may replace it
+    again = np.where(smaller.lowest == 0.0, smaller.start, smaller.inside)  # what was zero may replace it
     part, coarse = problem.thinned(), 0.1 * float(np.ptp(problem.torque))
     for q in (smaller.inside, again, None):
         if q is None:  # far from here, where others take its place
@@ -252,12 +251,8 @@ def _without(problem: Problem, space: Space, optimum: Optimum, name: str) -> tup
     return None
 
 
-def linear(
-    estimate: Estimate, widths: Callable[[NDArray], NDArray[np.float64]] | None = None
-) -> dict[str, tuple[float, float]]:
-    """95 % intervals from the derivatives at the optimum (F35), in the record's scales.
-
-    ``widths`` gives half the widths of combinations (k, m) of the coordinates in another way.
+def intervals_of(problem: Problem, estimate: Estimate) -> dict[str, tuple[float, float]]:
+    """95 % intervals of the parameters (F37), in the record's scales.
 
     That of a parameter with a base is of its logarithm, so that both have their part.
     """
@@ -269,24 +264,31 @@ def linear(
             rows[i, i] = 1.0 / (1.0 + optimum.q[i])
             if s.base in names:
                 rows[i, names.index(s.base)] = 1.0
-    half = half_widths(optimum.jacobian, optimum.residual, rows) if widths is None else widths(rows)
+            elif space.sliders:
+                rows[i] += level_row(estimate)  # the base is their sum
     result = {}
-    for s, h in zip(space.sought, half.tolist()):
+    for s, h in zip(space.sought, widths(problem, estimate, rows).tolist()):
         value = float(getattr(estimate.parameters, s.name))
         if s.logarithmic or s.base is not None:
             result[s.name] = (value * math.exp(-h), value * math.exp(min(h, 700.0)))
         else:
             result[s.name] = (max(value - h, 0.0) if s.bounded else value - h, value + h)
-    for name, h in estimate.edges.items():
-        value = float(getattr(estimate.parameters, name))
-        result[name] = (value, value * (1.0 + h) if name in space.tied else value + h)
     return result
 
 
-def by_periods(problem: Problem, estimate: Estimate) -> dict[str, tuple[float, float]]:
-    """95 % intervals from the scatter of the record's periods, or of ``STRETCHES`` parts of it where it has none (F37).
+def level_row(estimate: Estimate) -> NDArray[np.float64]:
+    """Derivatives of the logarithm of the level of all sliders by the coordinates (m,)."""
+    space, row = estimate.space, np.zeros(estimate.optimum.q.size)
+    F = estimate.slid[0]
+    row[len(space.sought) : len(space.sought) + F.size] = F / F.sum()
+    return row
 
-    The jackknife's pseudo-values, from one step of the search without each period, scatter about the estimate, by
+
+def widths(problem: Problem, estimate: Estimate, rows: NDArray) -> NDArray[np.float64]:
+    """Half the widths (k,) of the 95 % intervals of combinations (k, m) of the coordinates (F37).
+
+    They are those of the scatter of the record's periods, or of ``STRETCHES`` parts of it where it has none. The
+    jackknife's pseudo-values, from one step of the search without each period, scatter about the estimate, by
     Student's t. What a wrong law leaves alike in every period does not widen them, and a contact that changes from one
     to the next does.
     """
@@ -301,87 +303,7 @@ def by_periods(problem: Problem, estimate: Estimate) -> dict[str, tuple[float, f
     J, e = optimum.jacobian, optimum.weakened
     parts = [(J[block == b], e[block == b]) for b in range(n)]
     steps = np.array([(1 - n) * np.linalg.pinv(J.T @ J - K.T @ K) @ (K.T @ r) for K, r in parts])  # (F37)
-
-    def widths(rows: NDArray) -> NDArray[np.float64]:
-        scatter = (steps - steps.mean(axis=0)) @ rows.T
-        counts = [max(n / samples_per_count(each), 2.0) for each in scatter.T]
-        return np.array([stdtrit(c - 1.0, 0.975) * np.std(s, ddof=1) / c**0.5 for c, s in zip(counts, scatter.T)])
-
-    return linear(estimate, widths)
-
-
-def bootstrapped(estimate: Estimate, seed: int) -> dict[str, tuple[float, float]]:
-    """95 % intervals from blocks of samples drawn with replacement, one step of the search for each draw (F37).
-
-    Blocks keep what neighbouring residuals share, also what a wrong law leaves: the intervals are then those of the law
-    that fits best. Source: Künsch, Annals of Statistics 17 (1989) 1217-1241; one step: Davison, Hinkley, Bootstrap
-    Methods, 1997, 2.7.
-    """
-    optimum, space = estimate.optimum, estimate.space
-    J, e = optimum.jacobian, optimum.weakened
-    blocks = np.array_split(np.arange(e.size), min(BLOCKS, e.size))
-    H = np.array([J[b].T @ J[b] for b in blocks])
-    g = np.array([J[b].T @ e[b] for b in blocks])
-    counts = np.random.default_rng(seed).multinomial(len(blocks), np.full(len(blocks), 1.0 / len(blocks)), DRAWS)
-    rows = []
-    for drawn in counts:
-        total = np.tensordot(drawn, H, 1)
-        step = np.linalg.solve(total + 1e-12 * np.trace(total) * np.eye(len(total)), drawn @ g)  # (F37)
-        rows.append(space.values((optimum.q - step)[: len(space.sought)]))
-    result = linear(estimate)
-    for s in space.sought:
-        low, high = np.quantile([row[s.name] for row in rows], (0.025, 0.975))
-        result[s.name] = (max(float(low), 0.0) if s.bounded else float(low), float(high))
-    return result
-
-
-def profiled(problem: Problem, estimate: Estimate) -> dict[str, tuple[float, float]]:
-    """95 % intervals at whose ends the loss, with all else fitted anew, has grown by what the noise explains (F37).
-
-    Source: Bates, Watts, Nonlinear Regression Analysis, 1988, 6.1. An end farther than ten linear half-widths counts as
-    open.
-    """
-    optimum, space = estimate.optimum, estimate.space
-    variance = float(np.mean(optimum.weakened**2)) * samples_per_count(optimum.residual)
-    allowed = 0.5 * SIZE**2 * variance  # (F37)
-    result = linear(estimate)
-    n = len(space.sought)
-    for i, s in enumerate(space.sought):
-        high = result[s.name][1]
-        value = float(getattr(estimate.parameters, s.name))
-        step = math.log(high / value) if s.logarithmic else (high - value) / (1.0 if s.base is None else value)
-        ends = []
-        for side in (-1.0, 1.0):
-
-            def excess(way: float, side: float = side, i: int = i, step: float = step) -> float:
-                coordinate = optimum.q[i] + side * way * step
-                smaller = space.without(space.sought[i].name, optimum.q[:n], coordinate)
-                start = np.append(smaller.inside, optimum.q[n:])
-                return descended(problem, smaller, start, optimum.loss_scale).cost - optimum.cost - allowed
-
-            ends.append(optimum.q[i] + side * step * _crossing(excess))
-        bounds = [space.values(_put(optimum.q[:n], i, end))[s.name] for end in np.clip(ends, s.lowest, s.highest)]
-        result[s.name] = (float(bounds[0]), float(bounds[1]))
-    return result
-
-
-def _crossing(excess: object) -> float:
-    """Where an excess turns positive, in linear half-widths; infinite beyond ten of them."""
-    from scipy.optimize import brentq
-
-    def at(way: float) -> float:
-        try:
-            return excess(way)  # type: ignore[operator]
-        except ValueError:  # the law does not allow it: its bound is the end
-            return 1.0
-
-    for way in (1.5, 4.0, 10.0):
-        if at(way) > 0.0:
-            return float(brentq(at, 0.0, way, xtol=0.02))
-    return math.inf
-
-
-def _put(q: NDArray, i: int, value: float) -> NDArray[np.float64]:
-    result = q.copy()
-    result[i] = value
-    return result
+    scatter = (steps - steps.mean(axis=0)) @ rows.T
+    counts = [max(n / samples_per_count(each), 2.0) for each in scatter.T]
+    half = np.array([stdtrit(c - 1.0, 0.975) * np.std(s, ddof=1) / c**0.5 for c, s in zip(counts, scatter.T)])
+    return half if estimate.shift is None else np.hypot(half, UNSURE * np.abs(rows @ estimate.shift))

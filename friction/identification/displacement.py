@@ -10,10 +10,10 @@ from steer_env.friction.identification.branches import turns_of
 
 BAND = 9.0  # deviations of the noise: a smaller swing is no reversal; 20,000 samples of noise alone stay below it [1]
 NEAR = 6.0  # deviations of the noise: so near to a reversal its place is sought [1]
-HARMLESS = 0.05  # noise of the speed between samples, of the speed itself [1]: less is left as it is
+HARMLESS = 0.005  # noise of the speed between samples, of the speed itself [1]: less is left as it is
 LATTICE = 1e-6  # departure of steps from multiples of the least one [1]
+WINDOWS = tuple(sorted({2 * round(2.5 * 1.25**i) + 1 for i in range(20)}))  # tried, of local parabolas [samples]
 STAIRS = 0.1  # samples in motion after which the step changes, of a staircase at least [1]; assumed
-SMOOTH = 0.05  # noise of the speed after smoothing, of the speed itself [1]
 
 
 def noise_of(values: NDArray) -> float:
@@ -49,26 +49,37 @@ def motion_of(x: NDArray, noise: float) -> NDArray[np.float64]:
 
     Between reversals the motion goes one way. Each branch is smoothed by itself with local parabolas (Savitzky, Golay),
     which does not round the reversals, and then replaced by the nearest monotone history (isotonic regression). The
-    window of the parabolas brings the noise of the speed to ``SMOOTH``. Noise too small to matter is left alone.
+    window of the parabolas is that of the least expected error (Mallows, Stein). Noise too small to matter is left
+    alone.
 
     Sources: Savitzky, Golay, Analytical Chemistry 36 (1964) 1627-1639; Barlow, Bartholomew, Bremner, Brunk, Statistical
-    Inference under Order Restrictions, 1972.
+    Inference under Order Restrictions, 1972; Stein, Annals of Statistics 9 (1981) 1135-1151.
     """
     if noise == 0.0:
         return x
     step = float(np.sum(np.abs(np.diff(x[turns_of(x, BAND * noise)])))) / x.size  # without the path of the noise
     if math.sqrt(2.0) * noise <= HARMLESS * step:
         return x
-    window = (12.0 * (noise / (SMOOTH * max(step, 1e-3 * noise))) ** 2) ** (1.0 / 3.0)
-    smooth = _smooth(x, round(window))
+    smooth, window = _smoothed(x, noise)
     turns = turns_of(smooth, BAND * noise * 1.5 / math.sqrt(window))  # (F33) the noise that local parabolas leave
     inner = [_vertex(x, *each, NEAR * noise) for each in zip(turns, turns[1:], turns[2:])]
     turns = [turns[0], *inner, turns[-1]]
     motion = x.copy()
     motion[: turns[0]] = x[: turns[0] + 1].mean()
     for a, b in pairwise(turns):
-        motion[a : b + 1] = _branch(x[a : b + 1], round(window))
+        motion[a : b + 1] = _monotone(_smoothed(x[a : b + 1], noise)[0])
     return motion
+
+
+def _smoothed(x: NDArray, noise: float) -> tuple[NDArray[np.float64], int]:
+    """The history of the window with the least expected error, and this window [samples].
+
+    The mean square error is ``mean((x - smooth)^2) + 2 noise^2 w`` less a constant, with the weight w of a sample in
+    its own local parabola.
+    """
+    tried = [(_parabolas(x, window), window) for window in WINDOWS if window <= max(x.size, WINDOWS[0])]
+    risks = [np.mean((x - smooth) ** 2) + 2.0 * noise**2 * (2.25 / window) for smooth, window in tried]
+    return tried[int(np.argmin(risks))]
 
 
 def _vertex(x: NDArray, before: int, turn: int, after: int, band: float) -> int:
@@ -86,16 +97,14 @@ def _vertex(x: NDArray, before: int, turn: int, after: int, band: float) -> int:
     return turn if curvature == 0.0 else int(np.clip(turn - round(0.5 * slope / curvature), a + 1, b - 1))
 
 
-def _branch(x: NDArray, window: int) -> NDArray[np.float64]:
-    """The smooth and monotone motion of one branch."""
+def _monotone(x: NDArray) -> NDArray[np.float64]:
+    """The nearest motion in one direction."""
     from scipy.optimize import isotonic_regression  # imported here, because that takes longer than all laws
 
-    return isotonic_regression(_smooth(x, window), increasing=bool(x[-1] > x[0])).x
+    return isotonic_regression(x, increasing=bool(x[-1] > x[0])).x
 
 
-def _smooth(x: NDArray, window: int) -> NDArray[np.float64]:
-    """Local parabolas."""
+def _parabolas(x: NDArray, window: int) -> NDArray[np.float64]:
     from scipy.signal import savgol_filter  # imported here, as above
 
-    width = min(window, x.size) // 2 * 2 - 1  # odd
-    return np.asarray(savgol_filter(x, width, 2, mode="interp")) if width > 3 else x
+    return np.asarray(savgol_filter(x, window, 2, mode="interp")) if x.size >= window else x

@@ -10,35 +10,43 @@ from numpy.typing import ArrayLike, NDArray
 from steer_env.friction.identification.branches import BAND as SWING
 from steer_env.friction.identification.branches import Branches, branches_of, stiffness_of, weighed_of
 from steer_env.friction.identification.determined import (
+    WIDEST,
     Estimate,
-    bootstrapped,
-    by_periods,
     determined,
     far_slide,
-    half_widths,
-    linear,
-    profiled,
+    intervals_of,
+    level_row,
+    widths,
 )
 from steer_env.friction.identification.displacement import BAND, deviation_of, motion_of
-from steer_env.friction.identification.elements import Elements, SliderSet, at_ends, beside, fitted_sliders
+from steer_env.friction.identification.elements import at_ends, elements_of, stroke_of
 from steer_env.friction.identification.position import FITTED, NAMES, Position, with_position
 from steer_env.friction.identification.position import joint as joint_with_position
 from steer_env.friction.identification.position import told as told_of_position
 from steer_env.friction.identification.problem import Problem, searched
-from steer_env.friction.identification.quality import by_noise, own_noise, refuse
+from steer_env.friction.identification.quality import LOST, by_noise, noisy_again, own_noise, refuse
 from steer_env.friction.identification.rate import Rate, joint, told, with_rate
 from steer_env.friction.identification.record import Record, checked
 from steer_env.friction.identification.remarks import remarks
 from steer_env.friction.identification.scales import Scales, scaled
-from steer_env.friction.identification.space import space_of, within_law
+from steer_env.friction.identification.space import Space, checked_space, sought_of, space_of, within_law
 from steer_env.friction.law import Law, Sliders, law_of, make
 from steer_env.friction.level import Level
-from steer_env.friction.numerics.check import number, one_of, positive, whole
+from steer_env.friction.numerics.check import number, positive, whole
 
+DRAWS = 4  # of noise of x
 STEP = 1e-5  # of a coordinate, for the derivative of the saturated torque [1]
-INTERVALS = ("periods", "linear", "bootstrap", "profile")
 
 Bound = float | NDArray[np.float64]  # an array for a curve
+
+
+class Slider(NamedTuple):
+    """One of the sliders in parallel that a record shows."""
+
+    k: float  # stiffness [N m/rad]
+    y: float  # yield [rad]
+    k_interval: tuple[float, float] | None  # 95 %; None where the record does not determine it [N m/rad]
+    y_interval: tuple[float, float] | None  # [rad]
 
 
 class Fit(NamedTuple):
@@ -59,7 +67,8 @@ class Fit(NamedTuple):
     explained: float = 0.0  # share of the variance of the weighed torque [1]
     inertia: float = 0.0  # that the torque sensor moves along, given or estimated [kg m2]
     limits: Mapping[str, tuple[bool, bool]] = {}  # name -> whether the low and the high end are bounds of the law
-    sets: tuple[SliderSet, ...] = ()  # of sliders in parallel, that the record tells from each other
+
+    sliders: tuple[Slider, ...] = ()  # in parallel
     saturated: tuple[float, float, float] = (math.nan, math.nan, math.nan)  # far one way, and its interval [N m]
     asymmetry: tuple[float, float, float] = (
         math.nan,
@@ -73,7 +82,6 @@ class Options(NamedTuple):
 
     fixed: Mapping[str, float] = {}  # in the units of the record
     starts: int = 3
-    intervals: str = "periods"
     global_search: bool = False
     seed: int = 0
     order: float | str | None = None  # of the level over the position, FITTED, or None for a level that is the same [1]
@@ -85,6 +93,7 @@ class Prepared(NamedTuple):
     record: Record  # with x freed of its noise, and the torque of the inertia subtracted
     inertia: float | None  # None: to be estimated [kg m2]
     noise: float  # of x [rad]
+    again: tuple[NDArray[np.float64], ...]  # x (T,), as it is after such noise once more; none where x is left alone
     by_noise: float  # what that noise leaves of the torque; 0 where it is too small to matter [N m]
     own_noise: float  # of the torque: what even the true law leaves [N m]
     branches: Branches
@@ -101,7 +110,6 @@ def fit(
     inertia: float | None = 0.0,
     fixed: Mapping[str, float] | None = None,
     starts: int = 3,
-    intervals: str = "periods",
     global_search: bool = False,
     seed: int = 0,
     order: float | str | None = None,
@@ -131,10 +139,6 @@ def fit(
         Parameters that are known, in the units of the record.
     starts : int
         Number of starting points of the search.
-    intervals : str
-        ``"periods"``: from the scatter of the record's periods, which holds for the same contact later; ``"linear"``:
-        from the derivatives at the optimum; ``"bootstrap"``: from blocks of samples drawn anew; ``"profile"``: from the
-        growth of the loss about the optimum, which shows bounds that are far from symmetric.
     global_search : bool
         Whether differential evolution looks for a better optimum.
     seed : int
@@ -161,14 +165,13 @@ def fit(
         the wrong sign, or a search that does not converge.
     """
     usual = make(law)
-    one_of("intervals", intervals, INTERVALS)
     for name in fixed or ():
         if name not in usual._fields:
             names = ", ".join(usual._fields)
             raise ValueError(f"fixed: friction law {law!r} has no parameter {name!r}; it has {names}")
     held = {name: number(f"fixed {name}", value) for name, value in (fixed or {}).items()}
     options = Options(
-        held, whole("starts", starts, 1), intervals, global_search, whole("seed", seed, 0), checked_order(order, load)
+        held, whole("starts", starts, 1), global_search, whole("seed", seed, 0), checked_order(order, load)
     )
     return fitted(prepared(checked(x, torque, dt, load), inertia), law_of(usual), options)
 
@@ -194,10 +197,10 @@ def prepared(record: Record, inertia: float | None = 0.0) -> Prepared:
     moving = steps[steps > 0.0]
     length = max(2.0 * level / stiffness_of(branches), 0.1 * float(np.median(moving)))
     speed = float(np.mean(moving)) / record.dt
-    smoothed = path is not record.x
-    by_x = by_noise(path, noise, record.dt, level, length) if smoothed else 0.0
+    again = () if path is record.x else tuple(noisy_again(path, noise, seed) for seed in range(DRAWS))
+    by_x = by_noise(path, again[0], record.dt, level, length) if again else 0.0
     own = own_noise(path, T, branches, by_x)
-    return Prepared(clean, inertia, noise, by_x, own, branches, Scales(level, length, length / speed))
+    return Prepared(clean, inertia, noise, again, by_x, own, branches, Scales(level, length, length / speed))
 
 
 def cleaned(record: Record, noise: float, inertia: float | None) -> Record:
@@ -219,24 +222,39 @@ def fitted(ready: Prepared, law: Law, options: Options) -> Fit:
     few, position = options._replace(starts=1, global_search=False), None
     if load is not None and np.ptp(load) > 0.0:
         load = load / float(np.mean(load))
-        problem, rate = with_rate(problem, law, load, lambda each: _estimated(ready, law, each, few)[0])
+        problem, rate = with_rate(problem, law, load, lambda each: _estimated(ready, law, each, few))
     elif options.order is not None and not (isinstance(law.fitted, Sliders) and law.fitted.by_position):
         order = None if options.order == FITTED else float(options.order) * ready.scales.displacement
-        problem, position = with_position(problem, law, order, lambda each: _whole(ready, law, each, few))
-    estimate, elements = _estimated(ready, law, problem, options)
+        problem, position = with_position(problem, law, order, lambda each: (each, _estimated(ready, law, each, few)))
+    estimate = _estimated(ready, law, problem, options)
     if load is not None and rate.joint:
         problem, estimate = joint(problem, law, load, rate, estimate)
-    if elements is not None:
-        problem, estimate = beside(problem, estimate, elements)
     if position is not None and position.b:
         problem, estimate = joint_with_position(problem, law, position, estimate)
-    return _told(ready, law, problem, estimate, elements, options, rate, position)
+    estimate = _unbiased(ready, law, problem, estimate)
+    return _told(ready, law, problem, estimate, rate, position)
 
 
-def _whole(ready: Prepared, law: Law, problem: Problem, options: Options) -> tuple[Problem, Estimate]:
-    """Problem and estimate of a law with the columns of its elements."""
-    estimate, elements = _estimated(ready, law, problem, options)
-    return (problem, estimate) if elements is None else beside(problem, estimate, elements)
+def _unbiased(ready: Prepared, law: Law, problem: Problem, estimate: Estimate) -> Estimate:
+    """The estimate freed of what noise of x, smoothed, makes of it (F33).
+
+    A record of the law that was found, whose motion gets such noise once more and is smoothed once more, gives other
+    parameters in a step of the search: what they differ by is subtracted.
+    """
+    if not ready.again:
+        return estimate
+    end, n = estimate.optimum, estimate.space.size
+    here, first = problem.response(law, estimate.parameters), ready.record.x[0]
+    left = []
+    for x in ready.again:
+        moved = problem._replace(x=_rounded((x - first) / ready.scales.displacement))
+        left.append((moved.response(law, estimate.parameters) - here)[problem.weighed])
+    shift = LOST * np.linalg.lstsq(end.jacobian, end.weight * np.mean(left, axis=0), rcond=1e-9)[0]
+    q = end.q + shift
+    q[:n] = estimate.space.nearest(q[:n])
+    return estimate._replace(
+        parameters=estimate.space.made(q[:n])[0], optimum=end._replace(q=q), shift=q - end.q
+    )
 
 
 def _problem(ready: Prepared, law: Law) -> Problem:
@@ -264,15 +282,32 @@ def _rounded(values: NDArray) -> NDArray[np.float64]:
     return np.round(values * 2.0**30) / 2.0**30
 
 
-def _estimated(ready: Prepared, law: Law, problem: Problem, options: Options) -> tuple[Estimate, Elements | None]:
+def _estimated(ready: Prepared, law: Law, problem: Problem, options: Options) -> Estimate:
     """What a law makes of a problem."""
-    held, elements = dict(scaled(law, options.fixed, ready.scales)), None
-    if isinstance(law.fitted, Sliders):
-        arrays, elements = fitted_sliders(problem, law)
-        held |= {name: value for name, value in arrays._asdict().items() if np.ndim(value)}
-    space = space_of(law, held)
+    held = scaled(law, options.fixed, ready.scales)
+    space = _of_sliders(problem, law, held) if isinstance(law.fitted, Sliders) else space_of(law, held)
     optimum = searched(problem, space, options.starts, options.seed, options.global_search)
-    return determined(problem, space, optimum), elements
+    return determined(problem, space, optimum)
+
+
+def _of_sliders(problem: Problem, law: Law, held: Mapping[str, float]) -> Space:
+    """The space of sliders in parallel, whose search begins where a regression ends (F32)."""
+    declared = law.fitted
+    assert isinstance(declared, Sliders)
+    found = elements_of(problem, law)
+    if not found.y.size:
+        raise ValueError(f"no slider of {law.name!r} describes the record: its torque has no part that slides")
+    sought = sought_of(law, {**held, "F_c": None})  # the sum of the levels
+    space = Space(law, sought, held, {}, np.array([s.start for s in sought]), np.empty(0))
+    if declared.one is not None and found.stribeck.size:
+        excess, v_s, C = found.stribeck[0], *np.exp(found.stribeck[1:])
+        one = space.coordinates(declared.one(1.0, float(excess), float(v_s), float(C)))
+        space = space._replace(start=np.clip(one, space.lowest, space.highest))
+    start = [found.factors[0] if s.name == declared.viscous else q for s, q in zip(sought, space.start)]
+    stroke = stroke_of(problem) if declared.by_position else None
+    rows = [np.log(found.F), np.log(found.y)] + ([found.slope] if declared.by_position else [])
+    q = np.concatenate([start, *rows])
+    return checked_space(space._replace(start=q, inside=q, sliders=found.y.size, stroke=stroke))
 
 
 def _told(
@@ -280,31 +315,20 @@ def _told(
     law: Law,
     problem: Problem,
     estimate: Estimate,
-    elements: Elements | None,
-    options: Options,
     rate: Rate,
     position: Position | None,
 ) -> Fit:
     """The estimate in the units of the record, with intervals and warnings."""
     scales, branches = ready.scales, ready.branches
     parameters = law.make(**scaled(law, estimate.parameters._asdict(), scales, back=True))
-    if options.intervals == "bootstrap":
-        bounds = bootstrapped(estimate, options.seed)
-    elif options.intervals == "periods":
-        bounds = by_periods(problem, estimate)
-    else:
-        bounds = profiled(problem, estimate) if options.intervals == "profile" else linear(estimate)
     intervals: dict[str, tuple[Bound, Bound]] = {}
-    for name, (low, high) in bounds.items():
+    for name, (low, high) in intervals_of(problem, estimate).items():
         scale = scales.of(law.units[name])
         intervals[name] = low * scale, high * scale
-    if elements is not None:
-        for name, (least, most) in elements.intervals.items():
-            if name not in law.units:
-                intervals[name] = least * scales.torque, most * scales.torque
-            elif name in intervals:
-                own = intervals[name]  # at these yields; other yields that describe the record as well widen it
-                intervals[name] = min(own[0], least * scales.torque), max(own[1], most * scales.torque)
+    sliders: tuple[Slider, ...] = ()
+    if estimate.space.sliders:
+        level, curve, sliders = _slid(problem, estimate, scales)
+        intervals |= {"F_c": level, "virgin_torque": curve}
     if "F_c" in intervals and not branches.saturates:
         intervals["F_c"] = intervals["F_c"][0], math.inf
     intervals, limits = within_law(law, parameters, intervals, estimate.space.tied)
@@ -332,13 +356,13 @@ def _told(
         explained=1.0 - residual**2 / variance if variance else 0.0,
         inertia=factors.get("inertia", 0.0) * scales.time**2 / scales.displacement + (ready.inertia or 0.0),
         limits=limits,
-        sets=() if elements is None else tuple(_in_units(each, scales) for each in elements.sets),
-        saturated=_saturated(ready, law, problem, estimate, elements),
+        sliders=sliders,
+        saturated=_saturated(ready, law, problem, estimate),
     )
     result = result._replace(
-        asymmetry=(math.nan,) * 3 if branches.one_way else _asymmetry(ready, estimate, result),
+        asymmetry=(math.nan,) * 3 if branches.one_way else _asymmetry(ready, problem, estimate, result),
         warnings=(
-            *([] if elements is None else at_ends(problem, elements)),
+            *(at_ends(problem, *estimate.slid[:2]) if estimate.space.sliders else []),
             *remarks(result, ready, law, estimate.optimum),
             *told(rate),
         ),
@@ -347,11 +371,11 @@ def _told(
     return result if position is None else _by_position(ready, position, result)
 
 
-def _asymmetry(ready: Prepared, estimate: Estimate, found: Fit) -> tuple[float, float, float]:
+def _asymmetry(ready: Prepared, problem: Problem, estimate: Estimate, found: Fit) -> tuple[float, float, float]:
     """The asymmetry of the level that has the place of the offset, and its interval by the offset's [1]."""
     end, level = estimate.optimum, found.saturated[0]
-    row = np.eye(end.q.size)[len(estimate.space.sought)][None]
-    half = float(half_widths(end.jacobian, end.residual, row)[0]) * ready.scales.torque
+    row = np.eye(end.q.size)[estimate.space.size][None]
+    half = float(widths(problem, estimate, row)[0]) * ready.scales.torque
     if not level > 0.0:
         return math.nan, math.nan, math.nan
     return found.offset / level, (found.offset - half) / level, (found.offset + half) / level
@@ -377,43 +401,52 @@ def _by_position(ready: Prepared, position: Position, found: Fit) -> Fit:
     )
 
 
-def _in_units(found: SliderSet, scales: Scales) -> SliderSet:
-    """A set of sliders in the units of the record."""
-    stiffness = scales.torque / scales.displacement
-    k_ends = found.k_interval and (found.k_interval[0] * stiffness, found.k_interval[1] * stiffness)
-    y_ends = found.y_interval and (
-        found.y_interval[0] * scales.displacement,
-        found.y_interval[1] * scales.displacement,
-    )
-    return SliderSet(found.sliders, found.k * stiffness, found.y * scales.displacement, k_ends, y_ends)
+def _slid(
+    problem: Problem, estimate: Estimate, scales: Scales
+) -> tuple[tuple[float, float], tuple[NDArray, NDArray], tuple[Slider, ...]]:
+    """Intervals of the level of all sliders and of the virgin torque at their yields, and the sliders."""
+    F, y = estimate.slid[:2]
+    order = np.argsort(y)
+    F, y, N = F[order], y[order], y.size
+    level, first = level_row(estimate), len(estimate.space.sought)
+    at_F, at_y = (np.eye(level.size)[first + k * N : first + (k + 1) * N][order] for k in (0, 1))
+    reached = np.minimum(y[:, None] / y, 1.0) * F  # (at a yield, of a slider)
+    curve = reached @ at_F - (np.where(y[:, None] < y, reached, 0.0)) @ at_y
+    half = widths(problem, estimate, np.vstack([level, curve, at_F - at_y, at_y]))
+    half_k, half_y = half[1 + N : 1 + 2 * N], half[1 + 2 * N :]
+    virgin = reached.sum(axis=1)
+    sliders = []
+    for k, each, h_k, h_y in zip(F / y * scales.torque / scales.displacement, y * scales.displacement, half_k, half_y):
+        ends = [
+            (float(v * math.exp(-h)), float(v * math.exp(h))) if max(h_k, h_y) < WIDEST else None
+            for v, h in ((k, h_k), (each, h_y))
+        ]
+        sliders.append(Slider(float(k), float(each), ends[0], ends[1]))
+    total = float(F.sum()) * scales.torque
+    low, high = scales.torque * np.maximum(virgin - half[1 : 1 + N], 0.0), scales.torque * (virgin + half[1 : 1 + N])
+    return (total * math.exp(-half[0]), total * math.exp(half[0])), (low, high), tuple(sliders)
 
 
-def _saturated(
-    ready: Prepared, law: Law, problem: Problem, estimate: Estimate, elements: Elements | None
-) -> tuple[float, float, float]:
+def _saturated(ready: Prepared, law: Law, problem: Problem, estimate: Estimate) -> tuple[float, float, float]:
     """Friction after a long way one way at the record's median speed, and its interval by the delta method [N m].
 
-    It has the covariance of the parameters (F35), also of those that are not determined one by one: parts of a law side
-    by side may exchange theirs. Of sliders it holds what all grids say that are nearly as good. Where the friction
-    depends on the position, it is that of the middle of the stroke.
+    It has the scatter of the parameters (F37), also of those that are not determined one by one: parts of a law side
+    by side may exchange theirs. Where the friction depends on the position, it is that of the middle of the stroke.
     """
     space, end = estimate.wide or (estimate.space, estimate.optimum)
     far = far_slide(problem)
     value = float(far.response(law, estimate.parameters)[-1])
-    if elements is not None and np.any(elements.slope):
-        value = float(np.sum(elements.F))
-    row, n = np.zeros((1, end.q.size)), len(space.sought)
-    for i in range(n):
-        ends = [end.q[:n] + side * STEP * max(1.0, abs(end.q[i])) * np.eye(n)[i] for side in (-1.0, 1.0)]
-        inside = [q if space.made(q)[1] == 0.0 else end.q[:n] for q in ends]
-        low, high = (far.response(law, space.made(q)[0])[-1] for q in inside)
-        row[0, i] = (high - low) / max(inside[1][i] - inside[0][i], STEP)
-    if elements is not None and not hasattr(estimate.parameters, "F_c"):
-        row[0, -elements.F.size :] = 1.0  # the columns that stand beside the parameters
-    half = float(half_widths(end.jacobian, end.residual, row)[0])
+    row, n = np.zeros((1, end.q.size)), space.size
+    if space.stroke is not None:
+        value = float(np.sum(estimate.slid[0]))
+        row[0] = value * level_row(estimate)
+    else:
+        for i in range(n):
+            ends = [end.q[:n] + side * STEP * max(1.0, abs(end.q[i])) * np.eye(n)[i] for side in (-1.0, 1.0)]
+            inside = [q if space.made(q)[1] == 0.0 else end.q[:n] for q in ends]
+            low, high = (far.response(law, space.made(q)[0])[-1] for q in inside)
+            row[0, i] = (high - low) / max(inside[1][i] - inside[0][i], STEP)
+    half = float(widths(problem, estimate._replace(space=space, optimum=end), row)[0])
     low, high = max(value - half, 0.0), value + half
-    if elements is not None:
-        least, most = elements.intervals["F_c"]
-        low, high = min(low, least), max(high, most)
     torque = ready.scales.torque
     return value * torque, low * torque, high * torque if ready.branches.saturates else math.inf

@@ -1,6 +1,7 @@
 """A record in its own scales, and the search for the parameters of a law that describe it (F31)."""
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -71,7 +72,7 @@ def residuals(problem: Problem, space: Space, q: NDArray, prior: float) -> NDArr
     One row draws it back into the range that the law allows; the others, of weight ``prior``, hold a coordinate at its
     start that the record does not determine.
     """
-    n = len(space.sought)
+    n = space.size
     parameters, outside = space.made(q[:n])
     model = problem.response(space.law, parameters) + problem.columns @ q[n:]
     e = np.nan_to_num(model - problem.torque, nan=1e6, posinf=1e6, neginf=-1e6)[problem.weighed]  # (F31)
@@ -89,22 +90,24 @@ def descended(problem: Problem, space: Space, q: NDArray, loss_scale: float, *, 
     from scipy.optimize import least_squares  # imported here, because that takes longer than the import of all laws
 
     prior, n = 0.0 if final else PRIOR, np.count_nonzero(problem.weighed)
+    free = np.full(q.size - space.size, math.inf)
+    bounds = np.append(space.lowest, -free), np.append(space.highest, free)
 
     def weakened(each: NDArray) -> NDArray[np.float64]:
         e = residuals(problem, space, each, prior)
         e[:n] = _soft(e[:n], loss_scale)
         return e
 
+    def slopes(each: NDArray) -> NDArray[np.float64]:
+        return _slopes(weakened, space, each, weakened(each))
+
     tolerance = 1e-12 if final else 1e-6
     steps = 10 * TRIES if final else TRIES
-    found = least_squares(weakened, q, method="lm", xtol=tolerance, ftol=tolerance, gtol=1e-15, max_nfev=steps)
-    # Along the edge of what the law allows the steps are short: a second search that gains next to nothing is enough.
-    if final and not found.success:
-        cost = found.cost
-        found = least_squares(weakened, found.x, method="lm", xtol=1e-9, ftol=1e-9, max_nfev=steps)
-        found.success = found.success or found.cost > (1.0 - 1e-3) * cost
+    found = least_squares(
+        weakened, np.clip(q, *bounds), slopes, bounds, xtol=tolerance, ftol=tolerance, gtol=1e-15, max_nfev=steps
+    )
     if not np.isfinite(found.cost) or (final and not found.success):
-        at = space.edges(space.coordinates(space.made(found.x[: len(space.sought)])[0]))
+        at = space.edges(space.nearest(found.x[: space.size]))
         edge = f": it runs along the edge of what the law allows for {', '.join(at)}" if at else f" ({found.message})"
         remedy = "the record may be of another law; " if at else "try more starts, global_search=True, or "
         raise ValueError(
@@ -112,21 +115,21 @@ def descended(problem: Problem, space: Space, q: NDArray, loss_scale: float, *, 
             "with fixed="
         )
     q = found.x.copy()
-    q[: len(space.sought)] = space.coordinates(space.made(q[: len(space.sought)])[0])  # within what the law allows
+    q[: space.size] = space.nearest(q[: space.size])
     e = residuals(problem, space, q, prior)[:n]
-    return Optimum(q, float(found.cost), e, _jacobian(problem, space, q, loss_scale, e), loss_scale)
+    slope = _slopes(lambda each: residuals(problem, space, each, 0.0)[:n], space, q, e)
+    return Optimum(q, float(found.cost), e, _slope(e, loss_scale)[:, None] * slope, loss_scale)
 
 
-def _jacobian(problem: Problem, space: Space, q: NDArray, scale: float, e: NDArray) -> NDArray[np.float64]:
-    """Derivatives of the weakened residuals, which are ``e`` at ``q``, to the side that the law allows."""
-    n, weight = len(space.sought), _slope(e, scale)
-    columns = []
+def _slopes(residual: Callable[[NDArray], NDArray], space: Space, q: NDArray, here: NDArray) -> NDArray[np.float64]:
+    """Derivatives of residuals, which are ``here`` at ``q``, to the side that the law allows."""
+    n, columns = space.size, []
     for i in range(q.size):
         step = np.zeros(q.size)
         step[i] = 1e-6 * max(1.0, abs(q[i]))
-        if space.made((q + step)[:n])[1] > space.made((q - step)[:n])[1]:
+        if i < n and space.made((q + step)[:n])[1] > space.made((q - step)[:n])[1]:
             step = -step
-        columns.append(weight * (residuals(problem, space, q + step, 0.0)[: e.size] - e) / step[i])
+        columns.append((residual(q + step) - here) / step[i])
     return np.column_stack(columns)
 
 
@@ -148,7 +151,7 @@ def searched(problem: Problem, space: Space, starts: int, seed: int, global_sear
     coarse, part = 0.1 * float(np.ptp(problem.torque)), problem.thinned()
     first = np.append(space.inside, middle)
     others: list[NDArray] = []
-    if starts > 1 and space.sought:
+    if starts > 1 and space.sought and not space.sliders:  # sliders begin near their optimum
         rng = np.random.default_rng(seed)
         drawn = [np.append(_drawn(space, rng.normal(0.0, 1.5, len(space.sought))), middle) for _ in range(SCREENED)]
         costs = [np.sum(np.abs(residuals(part, space, q, PRIOR))) for q in drawn]
@@ -160,9 +163,8 @@ def searched(problem: Problem, space: Space, starts: int, seed: int, global_sear
     best = min(ends, key=lambda end: end.cost)
     best = ends[0] if ends[0].cost < (1.0 + EQUAL) * best.cost else best  # at one speed, two parts may change places
     best = refined(problem, free, best)
-    n = len(space.sought)
-    q = space.coordinates(space.made(best.q[:n])[0])
-    return refined(problem, space, best._replace(q=np.append(q, best.q[n:])))
+    n = space.size
+    return refined(problem, space, best._replace(q=np.append(space.nearest(best.q[:n]), best.q[n:])))
 
 
 def _drawn(space: Space, steps: NDArray) -> NDArray[np.float64]:

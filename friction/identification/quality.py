@@ -84,23 +84,25 @@ def own_noise(x: NDArray, torque: NDArray, branches: Branches, by_x: float) -> f
     return math.hypot(max(noise_of(torque), apart / math.sqrt(2.0)), by_x)  # (F36)
 
 
-def by_noise(x: NDArray, noise: float, dt: float, level: float, length: float) -> float:
+def noisy_again(x: NDArray, noise: float, seed: int) -> NDArray[np.float64]:
+    """A smoothed motion (T,) that got noise of this deviation once more and was smoothed once more [rad]."""
+    return motion_of(x + np.random.default_rng(seed).normal(0.0, noise, x.size), noise)
+
+
+def by_noise(x: NDArray, again: NDArray, dt: float, level: float, length: float) -> float:
     """What noise of a displacement leaves of the torque after it was smoothed [N m] (F36).
 
-    The smoothed motion gets such noise once more and is smoothed once more; the torque of a Dahl law with the record's
-    level and length then differs by about half of it, as small reversals that the first smoothing lost do not count.
+    The torque of a Dahl law with the record's level and length differs by about half of it between the smoothed motion
+    and the one that was smoothed once more, as small reversals that the first smoothing lost do not count.
 
     Parameters
     ----------
-    x : (T,) array
-        The smoothed motion [rad].
-    noise : float
-        Its deviation [rad].
+    x, again : (T,) arrays
+        The smoothed motion, and that of :func:`noisy_again` [rad].
     dt : float
         Time between samples [s].
     level, length : float
         The scales of the record [N m, rad].
     """
     law = make("dahl", F_c=level, sigma_0=level / length)
-    again = motion_of(x + np.random.default_rng(0).normal(0.0, noise, x.size), noise)
     return LOST * float(np.std(response(law, again, dt) - response(law, x, dt)))

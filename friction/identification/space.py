@@ -155,31 +155,65 @@ class Space(NamedTuple):
     start: NDArray[np.float64]  # (N,) about the record's own scales
     inside: NDArray[np.float64]  # (N,) a set that the law allows
     relaxed: bool = False  # whether sets count that the kernels take and the constructor refuses
+    sliders: int = 0  # in parallel, whose coordinates stand after those of ``sought``: see :meth:`slid`
+    stroke: NDArray[np.float64] | None = None  # (2,) its ends, where the levels of sliders have slopes over it [1]
+
+    @property
+    def lowest(self) -> NDArray[np.float64]:
+        """Least values of the coordinates (n,)."""
+        return self._ends([s.lowest for s in self.sought], [-REACH, -REACH, -1.0])
+
+    @property
+    def highest(self) -> NDArray[np.float64]:
+        """Largest values of the coordinates (n,)."""
+        return self._ends([s.highest for s in self.sought], [REACH, REACH, 1.0])
+
+    def _ends(self, sought: list[float], of_slider: list[float]) -> NDArray[np.float64]:
+        return np.append(sought, np.repeat(of_slider[: 2 + (self.stroke is not None)], self.sliders))
+
+    def slid(self, q: NDArray) -> list[NDArray[np.float64]]:
+        """Levels (N,), yields (N,) and, with a stroke, slopes (N,) of sliders, of which q has the logarithms."""
+        rows = q[len(self.sought) :].reshape(-1, max(self.sliders, 1))
+        return [np.exp(rows[0]), np.exp(rows[1]), *rows[2:]]
 
     def values(self, q: NDArray) -> dict[str, Any]:
         """Keywords of the law's constructor."""
         values = dict(self.held)
+        if self.sliders:
+            ends = () if self.stroke is None else (self.stroke,)
+            values = {**self.law.fitted.made(*self.slid(q), *ends)._asdict(), **values}  # type: ignore[union-attr]
         pairs = list(zip(self.sought, q.tolist()))
         values |= {s.name: math.exp(min(v, 300.0)) if s.logarithmic else v for s, v in pairs if s.base is None}
         excesses = {s.name: (s.base, v) for s, v in pairs if s.base is not None} | dict(self.tied)
         return values | {name: values[base] * (1.0 + v) for name, (base, v) in excesses.items()}
 
-    def made(self, q: NDArray) -> tuple[Any, float]:
-        """Parameters at ``q``, or at a set nearby that the law allows, and how far off that is.
+    @property
+    def size(self) -> int:
+        """Number of coordinates."""
+        return self.lowest.size
+
+    def nearest(self, q: NDArray) -> NDArray[np.float64]:
+        """The coordinates of a set near q that the law allows; q itself where it allows that.
 
         Coordinates are cut to their bounds. Then the one coordinate is moved towards ``inside`` that
         has the shortest way, or else all of them together.
         """
-        cut = np.clip(q, [s.lowest for s in self.sought], [s.highest for s in self.sought])
-        try:
-            return self.law.make(**self.values(cut)), float(np.linalg.norm(q - cut))
-        except (ValueError, OverflowError):
-            if self.relaxed and set(self.values(cut)) == set(getattr(self.law.parameters, "_fields", ())):
-                return self.law.parameters(**self.values(cut)), float(np.linalg.norm(q - cut))
+        cut = np.clip(q, self.lowest, self.highest)
+        if (self.relaxed and self._whole(self.values(cut))) or _allowed(self.law, self.values(cut)):
+            return cut
         ends = [end for end in (self._moved(cut, axis) for axis in np.eye(q.size)) if end is not None]
         everywhere = self._moved(cut, np.ones(q.size))
-        edge = min(ends, key=lambda end: float(np.linalg.norm(end - cut)), default=everywhere)
-        return self.law.make(**self.values(edge)), float(np.linalg.norm(q - edge))
+        return min(ends, key=lambda end: float(np.linalg.norm(end - cut)), default=everywhere)
+
+    def _whole(self, values: Mapping[str, Any]) -> bool:
+        """Whether values are all fields of the parameters, so that no constructor is needed."""
+        return set(values) == set(getattr(self.law.parameters, "_fields", ()))
+
+    def made(self, q: NDArray) -> tuple[Any, float]:
+        """Parameters at ``q``, or at a set nearby that the law allows, and how far off that is."""
+        edge = self.nearest(q)
+        values, apart = self.values(edge), float(np.linalg.norm(q - edge))
+        return (self.law.parameters if self.relaxed and self._whole(values) else self.law.make)(**values), apart
 
     def _moved(self, q: NDArray, along: NDArray) -> Any:
         """The first allowed set on the way to ``inside`` along some coordinates, None if there is none."""
@@ -207,18 +241,12 @@ class Space(NamedTuple):
         return names
 
     def coordinates(self, parameters: Any) -> NDArray[np.float64]:
-        """The coordinates of a set of parameters."""
-        values = parameters._asdict()
-        return np.array(
-            [
-                math.log(values[s.name])
-                if s.logarithmic
-                else values[s.name] / values[s.base] - 1.0
-                if s.base
-                else values[s.name]
-                for s in self.sought
-            ]
-        )
+        """The coordinates of what is sought, without those of sliders, in a set of parameters."""
+        values, found = parameters._asdict(), []
+        for s in self.sought:
+            value = values[s.name]
+            found.append(math.log(value) if s.logarithmic else value / values[s.base] - 1.0 if s.base else value)
+        return np.array(found)
 
     def without(self, name: str, q: NDArray, coordinate: float | None) -> "Space":
         """The space with one coordinate held, or its parameter left to the constructor (None).
@@ -228,17 +256,16 @@ class Space(NamedTuple):
         ValueError
             Where the law does not allow that beside the others.
         """
-        names = [s.name for s in self.sought]
-        i = names.index(name)
-        keep = np.delete(np.arange(len(names)), i)
+        i = [s.name for s in self.sought].index(name)
         s, held, tied = self.sought[i], dict(self.held), dict(self.tied)
         if coordinate is not None and s.base is not None:
             tied[name] = (s.base, coordinate)
         elif coordinate is not None:
             held[name] = math.exp(coordinate) if s.logarithmic else coordinate
-        rest = tuple(self.sought[k] for k in keep)
-        near = np.where([s.bounded for s in rest], np.maximum(q[keep], 0.01), q[keep])
-        return _checked(Space(self.law, rest, held, tied, self.start[keep], near))
+        keep = np.delete(np.arange(q.size), i)
+        near = np.where((self.lowest == 0.0)[keep], np.maximum(q[keep], 0.01), q[keep])
+        sought = (*self.sought[:i], *self.sought[i + 1 :])
+        return checked_space(self._replace(sought=sought, held=held, tied=tied, start=self.start[keep], inside=near))
 
 
 def space_of(law: Law, held: Mapping[str, Any]) -> Space:
@@ -251,10 +278,10 @@ def space_of(law: Law, held: Mapping[str, Any]) -> Space:
     """
     sought = sought_of(law, held)
     q = np.array([s.start for s in sought])
-    return _checked(Space(law, sought, held, {}, q, q))
+    return checked_space(Space(law, sought, held, {}, q, q))
 
 
-def _checked(space: Space) -> Space:
+def checked_space(space: Space) -> Space:
     """The space with ``inside`` moved to a set near it that the law allows, by drawing ever wider about it."""
     rng, drawn = np.random.default_rng(0), space.inside
     for i in range(400):

@@ -249,7 +249,7 @@ register(
     stored_energy=stored_energy,
     mean_torque=mean_torque,
     steepest_fall=steepest_fall,
-    fitted=Sliders(_of_sliders, _one_slider),
+    fitted=Sliders(_of_sliders, _one_slider, viscous="sigma_2"),
     units={
         "k": "N m/rad",
         "alpha": "1",
