@@ -17,7 +17,7 @@ WIDEST = np.log(2.0)  # half the width of the interval of a logarithm that count
 SHARE = 0.5  # half the width of the interval of another parameter, of its value [1] ...
 SMALL = 0.05  # ... or, where it is small, of its scale [1]
 FLOOR = 1e-3  # deviation of the residuals at least, of the level [1]: what noise-free records are judged by
-WORSE = 6.6  # growth of the sum of squares, in deviations squared: quantile of 99 % of chi square, one degree ...
+WORSE = 2.7  # growth of the sum of squares, in deviations squared: quantile of 90 % of chi square, one degree ...
 HARDLY = 0.02  # ... and of the residual at most [1]: residuals that last for long allow much growth
 EDGE = 1e-3  # coordinate that counts as zero, where it may not be negative [1]
 STARTS = 3  # of the search without a break-away ...
@@ -26,6 +26,7 @@ STRETCHES = 10  # parts of a record without equal periods ...
 LEAST = 5  # ... or with fewer of them
 SPEEDS = 1.5  # over each other, of the 95th and the 5th percentile of the way: less is one speed; assumed [1]
 FAR = 20.0  # travels of the record, after which a law slides; assumed [1]
+ROUNDING = 1e-6  # deviation of the residuals that an interval allows for at least, of the level; assumed [1]
 UNSURE = 0.5  # of what noise of x moves the parameters by, which intervals allow for; assumed [1]
 DAMPING = "N m s/rad"
 SIZE = 1.96  # deviations of the normal distribution: 95 %
@@ -37,8 +38,7 @@ class Estimate(NamedTuple):
     parameters: Any  # of the law, in the record's scales
     space: Space  # of what is left
     optimum: Optimum
-    undetermined: list[str]
-    wide: tuple[Space, Optimum] | None  # before estimates that are not determined were held; None: there are none
+    undetermined: list[str]  # of which the space still has those without which the fit is worse
     shift: NDArray[np.float64] | None = None  # of the coordinates, by which noise of x had moved them [1]
 
     @property
@@ -121,14 +121,9 @@ def determined(problem: Problem, space: Space, optimum: Optimum) -> Estimate:
         space = space.without(name, optimum.q[: space.size], 0.0)
         optimum = searched(problem, space, STARTS, 0, False)
     kept = [s.name for s in space.sought if excess[s.name] > 1.0]
-    wide = (space, optimum) if kept else None
-    for name in kept:  # where the search would only chatter
-        i = [s.name for s in space.sought].index(name)
-        space = space.without(name, optimum.q[: space.size], float(optimum.q[i]))
-        optimum = optimum._replace(q=np.delete(optimum.q, i))
     optimum = refined(problem, space, optimum, final=True)
     parameters, _ = space.made(optimum.q[: space.size])
-    return Estimate(parameters, space, optimum, undetermined + kept, wide)
+    return Estimate(parameters, space, optimum, undetermined + kept)
 
 
 def one_speed(problem: Problem) -> bool:
@@ -268,6 +263,8 @@ def intervals_of(problem: Problem, estimate: Estimate) -> dict[str, tuple[float,
                 rows[i] += level_row(estimate)  # the base is their sum
     result = {}
     for s, h in zip(space.sought, widths(problem, estimate, rows).tolist()):
+        if s.name in estimate.undetermined:
+            continue
         value = float(getattr(estimate.parameters, s.name))
         if s.logarithmic or s.base is not None:
             result[s.name] = (value * math.exp(-h), value * math.exp(min(h, 700.0)))
@@ -305,5 +302,6 @@ def widths(problem: Problem, estimate: Estimate, rows: NDArray) -> NDArray[np.fl
     steps = np.array([(1 - n) * np.linalg.pinv(J.T @ J - K.T @ K) @ (K.T @ r) for K, r in parts])  # (F37)
     scatter = (steps - steps.mean(axis=0)) @ rows.T
     counts = [max(n / samples_per_count(each), 2.0) for each in scatter.T]
-    half = np.array([stdtrit(c - 1.0, 0.975) * np.std(s, ddof=1) / c**0.5 for c, s in zip(counts, scatter.T)])
+    scatter_half = np.array([stdtrit(c - 1.0, 0.975) * np.std(s, ddof=1) / c**0.5 for c, s in zip(counts, scatter.T)])
+    half = np.hypot(scatter_half, half_widths(J, np.zeros(e.size), rows, ROUNDING))
     return half if estimate.shift is None else np.hypot(half, UNSURE * np.abs(rows @ estimate.shift))

@@ -12,7 +12,8 @@ BAND = 9.0  # deviations of the noise: a smaller swing is no reversal; 20,000 sa
 NEAR = 6.0  # deviations of the noise: so near to a reversal its place is sought [1]
 HARMLESS = 0.005  # noise of the speed between samples, of the speed itself [1]: less is left as it is
 LATTICE = 1e-6  # departure of steps from multiples of the least one [1]
-WINDOWS = tuple(sorted({2 * round(2.5 * 1.25**i) + 1 for i in range(20)}))  # tried, of local parabolas [samples]
+ORDER = 4  # of local polynomials
+WINDOWS = tuple(sorted({2 * round(3.0 * 1.25**i) + 1 for i in range(20)}))  # tried, of local polynomials [samples]
 STAIRS = 0.1  # samples in motion after which the step changes, of a staircase at least [1]; assumed
 
 
@@ -47,9 +48,9 @@ def quantum_of(x: NDArray) -> float:
 def motion_of(x: NDArray, noise: float) -> NDArray[np.float64]:
     """The motion behind a displacement with white noise (F33).
 
-    Between reversals the motion goes one way. Each branch is smoothed by itself with local parabolas (Savitzky, Golay),
+    Between reversals the motion goes one way. Each branch is smoothed by itself with local polynomials (Savitzky, Golay),
     which does not round the reversals, and then replaced by the nearest monotone history (isotonic regression). The
-    window of the parabolas is that of the least expected error (Mallows, Stein). Noise too small to matter is left
+    window of the polynomials is that of the least expected error (Mallows, Stein). Noise too small to matter is left
     alone.
 
     Sources: Savitzky, Golay, Analytical Chemistry 36 (1964) 1627-1639; Barlow, Bartholomew, Bremner, Brunk, Statistical
@@ -61,7 +62,7 @@ def motion_of(x: NDArray, noise: float) -> NDArray[np.float64]:
     if math.sqrt(2.0) * noise <= HARMLESS * step:
         return x
     smooth, window = _smoothed(x, noise)
-    turns = turns_of(smooth, BAND * noise * 1.5 / math.sqrt(window))  # (F33) the noise that local parabolas leave
+    turns = turns_of(smooth, BAND * noise * 1.5 / math.sqrt(window))  # (F33) the noise that they leave
     inner = [_vertex(x, *each, NEAR * noise) for each in zip(turns, turns[1:], turns[2:])]
     turns = [turns[0], *inner, turns[-1]]
     motion = x.copy()
@@ -75,10 +76,15 @@ def _smoothed(x: NDArray, noise: float) -> tuple[NDArray[np.float64], int]:
     """The history of the window with the least expected error, and this window [samples].
 
     The mean square error is ``mean((x - smooth)^2) + 2 noise^2 w`` less a constant, with the weight w of a sample in
-    its own local parabola.
+    its own polynomial.
     """
-    tried = [(_parabolas(x, window), window) for window in WINDOWS if window <= max(x.size, WINDOWS[0])]
-    risks = [np.mean((x - smooth) ** 2) + 2.0 * noise**2 * (2.25 / window) for smooth, window in tried]
+    from scipy.signal import savgol_coeffs  # imported here, as below
+
+    tried, risks = [(x, 1)], [2.0 * noise**2]
+    for window in (each for each in WINDOWS if each <= x.size):
+        smooth = _local(x, window)
+        tried.append((smooth, window))
+        risks.append(np.mean((x - smooth) ** 2) + 2.0 * noise**2 * savgol_coeffs(window, ORDER)[window // 2])
     return tried[int(np.argmin(risks))]
 
 
@@ -104,7 +110,7 @@ def _monotone(x: NDArray) -> NDArray[np.float64]:
     return isotonic_regression(x, increasing=bool(x[-1] > x[0])).x
 
 
-def _parabolas(x: NDArray, window: int) -> NDArray[np.float64]:
+def _local(x: NDArray, window: int) -> NDArray[np.float64]:
     from scipy.signal import savgol_filter  # imported here, as above
 
-    return np.asarray(savgol_filter(x, window, 2, mode="interp")) if x.size >= window else x
+    return np.asarray(savgol_filter(x, window, ORDER, mode="interp"))

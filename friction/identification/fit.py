@@ -34,7 +34,6 @@ from steer_env.friction.law import Law, Sliders, law_of, make
 from steer_env.friction.level import Level
 from steer_env.friction.numerics.check import number, positive, whole
 
-DRAWS = 4  # of noise of x
 STEP = 1e-5  # of a coordinate, for the derivative of the saturated torque [1]
 
 Bound = float | NDArray[np.float64]  # an array for a curve
@@ -93,7 +92,7 @@ class Prepared(NamedTuple):
     record: Record  # with x freed of its noise, and the torque of the inertia subtracted
     inertia: float | None  # None: to be estimated [kg m2]
     noise: float  # of x [rad]
-    again: tuple[NDArray[np.float64], ...]  # x (T,), as it is after such noise once more; none where x is left alone
+    again: list[NDArray[np.float64]]  # x (T,), with such noise and smoothed once more; none where x is left alone
     by_noise: float  # what that noise leaves of the torque; 0 where it is too small to matter [N m]
     own_noise: float  # of the torque: what even the true law leaves [N m]
     branches: Branches
@@ -197,7 +196,7 @@ def prepared(record: Record, inertia: float | None = 0.0) -> Prepared:
     moving = steps[steps > 0.0]
     length = max(2.0 * level / stiffness_of(branches), 0.1 * float(np.median(moving)))
     speed = float(np.mean(moving)) / record.dt
-    again = () if path is record.x else tuple(noisy_again(path, noise, seed) for seed in range(DRAWS))
+    again = [] if path is record.x else noisy_again(path, noise)
     by_x = by_noise(path, again[0], record.dt, level, length) if again else 0.0
     own = own_noise(path, T, branches, by_x)
     return Prepared(clean, inertia, noise, again, by_x, own, branches, Scales(level, length, length / speed))
@@ -239,17 +238,18 @@ def _unbiased(ready: Prepared, law: Law, problem: Problem, estimate: Estimate) -
     """The estimate freed of what noise of x, smoothed, makes of it (F33).
 
     A record of the law that was found, whose motion gets such noise once more and is smoothed once more, gives other
-    parameters in a step of the search: what they differ by is subtracted.
+    parameters in a step of the search. ``LOST`` times what they differ by is subtracted.
     """
     if not ready.again:
         return estimate
     end, n = estimate.optimum, estimate.space.size
-    here, first = problem.response(law, estimate.parameters), ready.record.x[0]
-    left = []
-    for x in ready.again:
-        moved = problem._replace(x=_rounded((x - first) / ready.scales.displacement))
-        left.append((moved.response(law, estimate.parameters) - here)[problem.weighed])
-    shift = LOST * np.linalg.lstsq(end.jacobian, end.weight * np.mean(left, axis=0), rcond=1e-9)[0]
+
+    def torque_of(x: NDArray) -> NDArray[np.float64]:
+        moved = problem._replace(x=_rounded((x - ready.record.x[0]) / ready.scales.displacement))
+        return moved.response(law, estimate.parameters)[problem.weighed]
+
+    left = np.mean([torque_of(x) for x in ready.again], axis=0) - torque_of(ready.record.x)
+    shift = LOST * np.linalg.lstsq(end.jacobian, end.weight * left, rcond=1e-9)[0]
     q = end.q + shift
     q[:n] = estimate.space.nearest(q[:n])
     return estimate._replace(
@@ -433,7 +433,7 @@ def _saturated(ready: Prepared, law: Law, problem: Problem, estimate: Estimate) 
     It has the scatter of the parameters (F37), also of those that are not determined one by one: parts of a law side
     by side may exchange theirs. Where the friction depends on the position, it is that of the middle of the stroke.
     """
-    space, end = estimate.wide or (estimate.space, estimate.optimum)
+    space, end = estimate.space, estimate.optimum
     far = far_slide(problem)
     value = float(far.response(law, estimate.parameters)[-1])
     row, n = np.zeros((1, end.q.size)), space.size
@@ -446,7 +446,7 @@ def _saturated(ready: Prepared, law: Law, problem: Problem, estimate: Estimate) 
             inside = [q if space.made(q)[1] == 0.0 else end.q[:n] for q in ends]
             low, high = (far.response(law, space.made(q)[0])[-1] for q in inside)
             row[0, i] = (high - low) / max(inside[1][i] - inside[0][i], STEP)
-    half = float(widths(problem, estimate._replace(space=space, optimum=end), row)[0])
+    half = float(widths(problem, estimate, row)[0])
     low, high = max(value - half, 0.0), value + half
     torque = ready.scales.torque
     return value * torque, low * torque, high * torque if ready.branches.saturates else math.inf

@@ -80,7 +80,7 @@ def residuals(problem: Problem, space: Space, q: NDArray, prior: float) -> NDArr
 
 
 def descended(problem: Problem, space: Space, q: NDArray, loss_scale: float, *, final: bool = False) -> Optimum:
-    """The end of robust least squares from ``q``; with ``final`` every coordinate counts as determined.
+    """The end of robust least squares from ``q``, close to it with ``final``.
 
     Raises
     ------
@@ -89,7 +89,7 @@ def descended(problem: Problem, space: Space, q: NDArray, loss_scale: float, *, 
     """
     from scipy.optimize import least_squares  # imported here, because that takes longer than the import of all laws
 
-    prior, n = 0.0 if final else PRIOR, np.count_nonzero(problem.weighed)
+    prior, n = PRIOR, np.count_nonzero(problem.weighed)
     free = np.full(q.size - space.size, math.inf)
     bounds = np.append(space.lowest, -free), np.append(space.highest, free)
 

@@ -17,7 +17,8 @@ CLIPPED = 20  # samples in a row at the largest value that are taken for a senso
 ALTERNATING = 0.6  # third differences that change their sign, at least [1]; of white noise 0.77 do
 NOISY = 1e-3  # noise of a sensor's signal over its range, at least [1]
 DRIFT = 0.03  # of the level: a smaller drift of the zero is not told [1]
-LOST = 2.0  # noise of x that leaves a torque, over what a second smoothing of the smoothed motion shows; assumed [1]
+LOST = 2.0  # what noise of x leaves, over what a second smoothing of the smoothed motion shows; assumed [1]
+DRAWS = 4  # of noise of a displacement
 
 
 def refuse(x: NDArray, torque: NDArray, noise: float) -> None:
@@ -84,9 +85,10 @@ def own_noise(x: NDArray, torque: NDArray, branches: Branches, by_x: float) -> f
     return math.hypot(max(noise_of(torque), apart / math.sqrt(2.0)), by_x)  # (F36)
 
 
-def noisy_again(x: NDArray, noise: float, seed: int) -> NDArray[np.float64]:
-    """A smoothed motion (T,) that got noise of this deviation once more and was smoothed once more [rad]."""
-    return motion_of(x + np.random.default_rng(seed).normal(0.0, noise, x.size), noise)
+def noisy_again(x: NDArray, noise: float) -> list[NDArray[np.float64]]:
+    """The smoothed motion x (T,) with noise of this deviation once more, smoothed once more, some times [rad]."""
+    rng = np.random.default_rng(0)
+    return [motion_of(x + rng.normal(0.0, noise, x.size), noise) for _ in range(DRAWS)]
 
 
 def by_noise(x: NDArray, again: NDArray, dt: float, level: float, length: float) -> float:
@@ -98,7 +100,7 @@ def by_noise(x: NDArray, again: NDArray, dt: float, level: float, length: float)
     Parameters
     ----------
     x, again : (T,) arrays
-        The smoothed motion, and that of :func:`noisy_again` [rad].
+        The smoothed motion, and one of :func:`noisy_again` [rad].
     dt : float
         Time between samples [s].
     level, length : float
