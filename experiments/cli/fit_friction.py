@@ -81,14 +81,11 @@ def _add_fit(parser: argparse.ArgumentParser) -> None:
         " sought. Beside each law stands what it leaves without"
     )
     group.add_argument("--by-position", metavar="ORDER", nargs="?", const="fitted", type=_order, help=text)
-    text = "95 %% intervals from periods (default), derivatives (linear), blocks drawn anew, or the profile of the loss"
-    ways = ("periods", "linear", "bootstrap", "profile")
-    group.add_argument("--intervals", choices=ways, default="periods", help=text)
     text = "starting points of the search for each law (default: 3)"
     group.add_argument("--starts", metavar="N", type=options.whole_number(1), default=3, help=text)
     text = "look for a better optimum of each law by differential evolution, which takes minutes"
     group.add_argument("--global-search", action="store_true", help=text)
-    options.add(group, "--seed", "of the draws of --intervals and --global-search", 0)
+    options.add(group, "--seed", "of the draws of --global-search", 0)
 
 
 def _order(text: str) -> float | str:
@@ -242,7 +239,6 @@ def _options(args: argparse.Namespace) -> dict[str, Any]:
     """Arguments of ``friction.fit`` that the options give."""
     return {
         "starts": args.starts,
-        "intervals": args.intervals,
         "global_search": args.global_search,
         "seed": args.seed,
         "order": args.by_position,

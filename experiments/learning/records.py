@@ -104,7 +104,7 @@ class Fitted:
 
     def _predicted(self, x: Array, torque: Array) -> Array:
         n = self._fitted
-        fitted = partial(friction.fit, x[:n], torque[:n], dt=self._dt, intervals="linear")
+        fitted = partial(friction.fit, x[:n], torque[:n], dt=self._dt)
         try:
             found = fitted(law=self._law)
         except ValueError:

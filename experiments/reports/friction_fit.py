@@ -36,7 +36,6 @@ class Found(NamedTuple):
     rests: float  # share of the part that judges at which the displacement stands still; 0 up to ``RESTS`` [1]
     laws: tuple[Compared, ...]
     curves: Mapping[str, Array]  # law -> (T,) its friction over the whole record [same unit]
-    intervals: str = "linear"  # way to the intervals of parameters
 
     @property
     def best(self) -> Compared | None:
@@ -123,8 +122,7 @@ def collect(
     level = friction_checks.mean_friction(record.motion, record.friction)
     repeats = periods.repeatability(record.motion, record.friction, first)
     rests = 1.0 - float(np.mean(periods.moving(record.motion[first:])))
-    way = (options or {}).get("intervals", "linear")
-    return Found(record, name, first, level, repeats, rests if rests > RESTS else 0.0, found, curves, way)
+    return Found(record, name, first, level, repeats, rests if rests > RESTS else 0.0, found, curves)
 
 
 def known_from(record: FrictionRecord) -> int:

@@ -158,17 +158,13 @@ def saturated(fit: Fit, units: Mapping[str, str]) -> Row:
     return Row("saturated friction at the record’s speed", text, ends, units["torque"], True)
 
 
-def sets(fit: Fit) -> list[tuple[str, str, str, str, str]]:
-    """Sliders that the record tells from each other: which, and stiffness and yield, each with its interval or none."""
-    found, first = [], 1
-    for each in fit.sets:
-        last = first + each.sliders - 1
-        k, y = (
-            beside(value, ends) if ends else (shown_number(value, 4), "")
-            for value, ends in ((each.k, each.k_interval), (each.y, each.y_interval))
-        )
-        found.append((f"{first} to {last}" if last > first else f"{first}", *k, *y))
-        first = last + 1
+def sliders(fit: Fit) -> list[tuple[str, str, str, str]]:
+    """Stiffness and yield of each slider, both with their interval or none."""
+    found = []
+    for each in fit.sliders:
+        pairs = ((each.k, each.k_interval), (each.y, each.y_interval))
+        k, y = (beside(value, ends) if ends else (shown_number(value, 4), "") for value, ends in pairs)
+        found.append((*k, *y))
     return found
 
 
@@ -181,7 +177,7 @@ def law_file(found: Found, each: Compared, fit: Fit) -> dict[str, Any]:
         "intervals": {name: [_plain(end) for end in ends] for name, ends in fit.intervals.items()},
         "limits": {name: list(ends) for name, ends in fit.limits.items()},
         "saturated": [_plain(x) for x in fit.saturated],
-        "sets": [{name: _plain(x) for name, x in each._asdict().items()} for each in fit.sets],
+        "sliders": [{name: _plain(x) for name, x in each._asdict().items()} for each in fit.sliders],
         "undetermined": list(fit.undetermined),
         "offset": fit.offset,
         "asymmetry": [_plain(x) for x in fit.asymmetry],
@@ -216,7 +212,6 @@ def as_json(found: Found) -> dict[str, Any]:
         "verdict": verdict(found),
         "best": found.best.law if found.best and len(found.equals) == 1 else None,
         "equals": [each.law for each in found.equals],
-        "intervals": found.intervals,
         "laws": {
             each.law: {"refused": each.refused}
             if each.fit is None
@@ -278,7 +273,7 @@ def page_of(found: Found, folder: str) -> Page:
         "car_options": car_options,
         "warnings": {fit.law: warnings(fit, found.record.units) for fit in fits},
         "rows": {fit.law: [saturated(fit, found.record.units), *rows(fit, found.record.units)] for fit in fits},
-        "sets": {fit.law: sets(fit) for fit in fits},
+        "sliders": {fit.law: sliders(fit) for fit in fits},
         "loops": image(friction_pictures.fitted_loops(given, found.curves, titles)) if fitted else None,
         "narrow_loops": image(_narrow(given, found.curves, titles)) if fitted else None,
         "within": found.best is not None and (repeats is None or shares(found, found.best)[0] <= WITHIN * repeats),

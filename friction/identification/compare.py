@@ -46,7 +46,6 @@ def compare(
     held_out: float | slice = HELD_OUT,
     inertia: float | None = 0.0,
     starts: int = 3,
-    intervals: str = "periods",
     global_search: bool = False,
     seed: int = 0,
     order: float | str | None = None,
@@ -67,7 +66,7 @@ def compare(
         Share of the record, its end, or the samples that judge [1]. With 0 the whole record is fitted and judges.
     inertia : float or None
         As in :func:`steer_env.friction.fit` [kg m2].
-    starts, intervals, global_search, order
+    starts, global_search, order
         As in :func:`steer_env.friction.fit`; with an order, each law is fitted without it too (``Compared.alone``).
     seed : int
         Of the draws.
@@ -94,7 +93,7 @@ def compare(
     known = part.branches.turns[part.branches.first]  # before it, a law does not know its memory
     if first == whole.x.size:
         judging = slice(known, None)
-    options = Options({}, starts, intervals, global_search, seed, checked_order(order, load))
+    options = Options({}, starts, global_search, seed, checked_order(order, load))
     found, squares, left, moves = [], {}, {}, _moves(whole, inertia, judging)
     names = available() if laws is None else laws
     for i, name in enumerate(names):

@@ -17,7 +17,7 @@ WIDEST = np.log(2.0)  # half the width of the interval of a logarithm that count
 SHARE = 0.5  # half the width of the interval of another parameter, of its value [1] ...
 SMALL = 0.05  # ... or, where it is small, of its scale [1]
 FLOOR = 1e-3  # deviation of the residuals at least, of the level [1]: what noise-free records are judged by
-WORSE = 2.7  # growth of the sum of squares, in deviations squared: quantile of 90 % of chi square, one degree ...
+WORSE = 6.6  # growth of the sum of squares, in deviations squared: quantile of 99 % of chi square, one degree ...
 HARDLY = 0.02  # ... and of the residual at most [1]: residuals that last for long allow much growth
 EDGE = 1e-3  # coordinate that counts as zero, where it may not be negative [1]
 STARTS = 3  # of the search without a break-away ...
@@ -26,8 +26,8 @@ STRETCHES = 10  # parts of a record without equal periods ...
 LEAST = 5  # ... or with fewer of them
 SPEEDS = 1.5  # over each other, of the 95th and the 5th percentile of the way: less is one speed; assumed [1]
 FAR = 20.0  # travels of the record, after which a law slides; assumed [1]
+AT_END = 1e-3  # of the logarithm of a yield [1]
 ROUNDING = 1e-6  # deviation of the residuals that an interval allows for at least, of the level; assumed [1]
-UNSURE = 0.5  # of what noise of x moves the parameters by, which intervals allow for; assumed [1]
 DAMPING = "N m s/rad"
 SIZE = 1.96  # deviations of the normal distribution: 95 %
 
@@ -297,11 +297,14 @@ def widths(problem: Problem, estimate: Estimate, rows: NDArray) -> NDArray[np.fl
         length = (at[-1] + 1 - at[0]) // STRETCHES
     block = (at - at[0]) // length
     n = int((at[-1] + 1 - at[0]) // length)  # whole ones
-    J, e = optimum.jacobian, optimum.weakened
+    space, q = estimate.space, optimum.q[: estimate.space.size]
+    free = np.ones(optimum.q.size, bool)  # but for yields and slopes of sliders at their ends, which stay there
+    free[len(space.sought) : q.size] = (np.minimum(space.highest - q, q - space.lowest) > AT_END)[len(space.sought) :]
+    J, e, rows = optimum.jacobian[:, free], optimum.weakened, rows[:, free]
     parts = [(J[block == b], e[block == b]) for b in range(n)]
     steps = np.array([(1 - n) * np.linalg.pinv(J.T @ J - K.T @ K) @ (K.T @ r) for K, r in parts])  # (F37)
     scatter = (steps - steps.mean(axis=0)) @ rows.T
     counts = [max(n / samples_per_count(each), 2.0) for each in scatter.T]
     scatter_half = np.array([stdtrit(c - 1.0, 0.975) * np.std(s, ddof=1) / c**0.5 for c, s in zip(counts, scatter.T)])
     half = np.hypot(scatter_half, half_widths(J, np.zeros(e.size), rows, ROUNDING))
-    return half if estimate.shift is None else np.hypot(half, UNSURE * np.abs(rows @ estimate.shift))
+    return half if estimate.shift is None else np.hypot(half, np.abs(rows @ estimate.shift[free]))

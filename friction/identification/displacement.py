@@ -1,6 +1,7 @@
 """Noise of a measured displacement: how large it is, and the motion behind it (F33)."""
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -12,6 +13,7 @@ BAND = 9.0  # deviations of the noise: a smaller swing is no reversal; 20,000 sa
 NEAR = 6.0  # deviations of the noise: so near to a reversal its place is sought [1]
 HARMLESS = 0.005  # noise of the speed between samples, of the speed itself [1]: less is left as it is
 LATTICE = 1e-6  # departure of steps from multiples of the least one [1]
+SMOOTH = 0.05  # noise of the speed after smoothing, of the speed itself [1]
 ORDER = 4  # of local polynomials
 WINDOWS = tuple(sorted({2 * round(3.0 * 1.25**i) + 1 for i in range(20)}))  # tried, of local polynomials [samples]
 STAIRS = 0.1  # samples in motion after which the step changes, of a staircase at least [1]; assumed
@@ -50,8 +52,9 @@ def motion_of(x: NDArray, noise: float) -> NDArray[np.float64]:
 
     Between reversals the motion goes one way. Each branch is smoothed by itself with local polynomials (Savitzky, Golay),
     which does not round the reversals, and then replaced by the nearest monotone history (isotonic regression). The
-    window of the polynomials is that of the least expected error (Mallows, Stein). Noise too small to matter is left
-    alone.
+    window of the polynomials is that of the least expected error (Mallows, Stein), among those that bring the noise of
+    the speed to ``SMOOTH``; of a staircase, whose noise is not random, it is the shortest of them. Noise too small to
+    matter is left alone.
 
     Sources: Savitzky, Golay, Analytical Chemistry 36 (1964) 1627-1639; Barlow, Bartholomew, Bremner, Brunk, Statistical
     Inference under Order Restrictions, 1972; Stein, Annals of Statistics 9 (1981) 1135-1151.
@@ -61,18 +64,21 @@ def motion_of(x: NDArray, noise: float) -> NDArray[np.float64]:
     step = float(np.sum(np.abs(np.diff(x[turns_of(x, BAND * noise)])))) / x.size  # without the path of the noise
     if math.sqrt(2.0) * noise <= HARMLESS * step:
         return x
-    smooth, window = _smoothed(x, noise)
+    least = (75.0 * (noise / (SMOOTH * max(step, 1e-3 * noise))) ** 2) ** (1.0 / 3.0)
+    first = 2 * round(0.5 * least) + 1
+    windows = [first] if quantum_of(x) else [first, *(each for each in WINDOWS if each > first)]
+    smooth, window = _smoothed(x, noise, windows)
     turns = turns_of(smooth, BAND * noise * 1.5 / math.sqrt(window))  # (F33) the noise that they leave
     inner = [_vertex(x, *each, NEAR * noise) for each in zip(turns, turns[1:], turns[2:])]
     turns = [turns[0], *inner, turns[-1]]
     motion = x.copy()
     motion[: turns[0]] = x[: turns[0] + 1].mean()
     for a, b in pairwise(turns):
-        motion[a : b + 1] = _monotone(_smoothed(x[a : b + 1], noise)[0])
+        motion[a : b + 1] = _monotone(_smoothed(x[a : b + 1], noise, windows)[0])
     return motion
 
 
-def _smoothed(x: NDArray, noise: float) -> tuple[NDArray[np.float64], int]:
+def _smoothed(x: NDArray, noise: float, windows: Sequence[int]) -> tuple[NDArray[np.float64], int]:
     """The history of the window with the least expected error, and this window [samples].
 
     The mean square error is ``mean((x - smooth)^2) + 2 noise^2 w`` less a constant, with the weight w of a sample in
@@ -80,11 +86,12 @@ def _smoothed(x: NDArray, noise: float) -> tuple[NDArray[np.float64], int]:
     """
     from scipy.signal import savgol_coeffs  # imported here, as below
 
-    tried, risks = [(x, 1)], [2.0 * noise**2]
-    for window in (each for each in WINDOWS if each <= x.size):
-        smooth = _local(x, window)
+    tried, risks = [], []
+    for window in sorted({min(each, x.size - 1 + x.size % 2) for each in windows}):
+        smooth = _local(x, window) if window > ORDER else x
+        own = savgol_coeffs(window, ORDER)[window // 2] if window > ORDER else 1.0
         tried.append((smooth, window))
-        risks.append(np.mean((x - smooth) ** 2) + 2.0 * noise**2 * savgol_coeffs(window, ORDER)[window // 2])
+        risks.append(np.mean((x - smooth) ** 2) + 2.0 * noise**2 * own)
     return tried[int(np.argmin(risks))]
 
 

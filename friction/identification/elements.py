@@ -10,7 +10,6 @@ Problems, 1974; Kaufman, BIT 15 (1975) 49-57 (derivatives of what least squares 
 
 import math
 from collections.abc import Callable
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -222,18 +221,15 @@ def _counted(regression: _Regression, slopes: tuple[float, ...]) -> Elements:
     found = regression.solved(np.repeat(grid, len(slopes)), np.resize(slopes, GRID * len(slopes)))
     if not found.y.size:
         return found
-    joined = _merged(found, [each for each in pairwise(range(found.y.size)) if _neighbours(found, *each)])
-    best = regression.refined(joined, sloped)
-    own = regression.left(best)
-    count = own.size / samples_per_count(own)
-    rank = 2 + sloped
+    best = regression.refined(found, sloped)
+    count = regression.T.size
 
     def criterion(each: Elements) -> float:
         too_many = math.inf if each.y.size > MAX_ELEMENTS else 0.0
-        return count * math.log(max(each.left, 1e-24 * own.size)) + rank * each.y.size * math.log(count) + too_many
+        return count * math.log(max(each.left, 1e-24 * count)) + (2 + sloped) * each.y.size * math.log(count) + too_many
 
     while best.y.size > 1:
-        fewer = [_merged(best, [pair]) for pair in pairwise(range(best.y.size))]
+        fewer = [_merged(best, i) for i in range(best.y.size - 1)]
         fewer += [_without(best, i) for i in range(best.y.size)]
         tried = [regression.solved(each.y, each.slope) for each in fewer]
         least = regression.refined(min(tried, key=lambda each: each.left), sloped)
@@ -243,14 +239,9 @@ def _counted(regression: _Regression, slopes: tuple[float, ...]) -> Elements:
     return best
 
 
-def _neighbours(found: Elements, i: int, j: int) -> bool:
-    """Whether two sliders are those that one between them has on the grid."""
-    return found.y[j] < 1.01 * found.y[i] / LEAST ** (1.0 / (GRID - 1)) and abs(found.slope[i] - found.slope[j]) < 0.51
-
-
-def _merged(found: Elements, pairs: list[tuple[int, int]]) -> Elements:
-    """Sliders of which pairs are one each, with the stiffness and the level of both."""
-    group = np.cumsum([j == 0 or (j - 1, j) not in pairs for j in range(found.y.size)]) - 1
+def _merged(found: Elements, i: int) -> Elements:
+    """Sliders of which two neighbours are one, with the stiffness and the level of both."""
+    group = np.arange(found.y.size) - (np.arange(found.y.size) > i)
     F, k = np.bincount(group, found.F), np.bincount(group, found.F / found.y)
     return found._replace(F=F, y=F / k, slope=np.bincount(group, found.F * found.slope) / F)
 

@@ -23,8 +23,8 @@ from steer_env.friction.identification.elements import at_ends, elements_of, str
 from steer_env.friction.identification.position import FITTED, NAMES, Position, with_position
 from steer_env.friction.identification.position import joint as joint_with_position
 from steer_env.friction.identification.position import told as told_of_position
-from steer_env.friction.identification.problem import Problem, searched
-from steer_env.friction.identification.quality import LOST, by_noise, noisy_again, own_noise, refuse
+from steer_env.friction.identification.problem import Problem, searched, weakened
+from steer_env.friction.identification.quality import by_noise, noisy_again, own_noise, refuse
 from steer_env.friction.identification.rate import Rate, joint, told, with_rate
 from steer_env.friction.identification.record import Record, checked
 from steer_env.friction.identification.remarks import remarks
@@ -238,7 +238,7 @@ def _unbiased(ready: Prepared, law: Law, problem: Problem, estimate: Estimate) -
     """The estimate freed of what noise of x, smoothed, makes of it (F33).
 
     A record of the law that was found, whose motion gets such noise once more and is smoothed once more, gives other
-    parameters in a step of the search. ``LOST`` times what they differ by is subtracted.
+    parameters in a step of the search. What they differ by is subtracted, and intervals allow for as much.
     """
     if not ready.again:
         return estimate
@@ -248,8 +248,9 @@ def _unbiased(ready: Prepared, law: Law, problem: Problem, estimate: Estimate) -
         moved = problem._replace(x=_rounded((x - ready.record.x[0]) / ready.scales.displacement))
         return moved.response(law, estimate.parameters)[problem.weighed]
 
-    left = np.mean([torque_of(x) for x in ready.again], axis=0) - torque_of(ready.record.x)
-    shift = LOST * np.linalg.lstsq(end.jacobian, end.weight * left, rcond=1e-9)[0]
+    here = torque_of(ready.record.x)
+    left = np.mean([weakened(torque_of(x) - here, end.loss_scale) for x in ready.again], axis=0)
+    shift = np.linalg.lstsq(end.jacobian, left, rcond=1e-9)[0]
     q = end.q + shift
     q[:n] = estimate.space.nearest(q[:n])
     return estimate._replace(
@@ -304,7 +305,7 @@ def _of_sliders(problem: Problem, law: Law, held: Mapping[str, float]) -> Space:
         one = space.coordinates(declared.one(1.0, float(excess), float(v_s), float(C)))
         space = space._replace(start=np.clip(one, space.lowest, space.highest))
     start = [found.factors[0] if s.name == declared.viscous else q for s, q in zip(sought, space.start)]
-    stroke = stroke_of(problem) if declared.by_position else None
+    stroke = stroke_of(problem)
     rows = [np.log(found.F), np.log(found.y)] + ([found.slope] if declared.by_position else [])
     q = np.concatenate([start, *rows])
     return checked_space(space._replace(start=q, inside=q, sliders=found.y.size, stroke=stroke))
@@ -437,7 +438,7 @@ def _saturated(ready: Prepared, law: Law, problem: Problem, estimate: Estimate) 
     far = far_slide(problem)
     value = float(far.response(law, estimate.parameters)[-1])
     row, n = np.zeros((1, end.q.size)), space.size
-    if space.stroke is not None:
+    if space.sloped:
         value = float(np.sum(estimate.slid[0]))
         row[0] = value * level_row(estimate)
     else:

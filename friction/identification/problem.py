@@ -58,7 +58,7 @@ class Optimum(NamedTuple):
     @property
     def weakened(self) -> NDArray[np.float64]:
         """Residuals whose squares are the loss [1]."""
-        return _soft(self.residual, self.loss_scale)
+        return weakened(self.residual, self.loss_scale)
 
     @property
     def weight(self) -> NDArray[np.float64]:
@@ -93,19 +93,23 @@ def descended(problem: Problem, space: Space, q: NDArray, loss_scale: float, *, 
     free = np.full(q.size - space.size, math.inf)
     bounds = np.append(space.lowest, -free), np.append(space.highest, free)
 
-    def weakened(each: NDArray) -> NDArray[np.float64]:
+    def losses(each: NDArray) -> NDArray[np.float64]:
         e = residuals(problem, space, each, prior)
-        e[:n] = _soft(e[:n], loss_scale)
+        e[:n] = weakened(e[:n], loss_scale)
         return e
 
     def slopes(each: NDArray) -> NDArray[np.float64]:
-        return _slopes(weakened, space, each, weakened(each))
+        return _slopes(losses, space, each, losses(each))
 
-    tolerance = 1e-12 if final else 1e-6
+    tolerance = 1e-9 if final else 1e-6
     steps = 10 * TRIES if final else TRIES
     found = least_squares(
-        weakened, np.clip(q, *bounds), slopes, bounds, xtol=tolerance, ftol=tolerance, gtol=1e-15, max_nfev=steps
+        losses, np.clip(q, *bounds), slopes, bounds, xtol=tolerance, ftol=tolerance, gtol=1e-15, max_nfev=steps
     )
+    if final and not found.success:  # along an edge of what the law allows; a second search that gains little is enough
+        cost = found.cost
+        found = least_squares(losses, found.x, slopes, bounds, xtol=1e-6, ftol=1e-6, max_nfev=steps)
+        found.success = found.success or found.cost > (1.0 - 1e-3) * cost
     if not np.isfinite(found.cost) or (final and not found.success):
         at = space.edges(space.nearest(found.x[: space.size]))
         edge = f": it runs along the edge of what the law allows for {', '.join(at)}" if at else f" ({found.message})"
@@ -133,13 +137,13 @@ def _slopes(residual: Callable[[NDArray], NDArray], space: Space, q: NDArray, he
     return np.column_stack(columns)
 
 
-def _soft(e: NDArray, scale: float) -> NDArray[np.float64]:
+def weakened(e: NDArray, scale: float) -> NDArray[np.float64]:
     """Residuals whose squares are the loss soft L1, ``2 s^2 (sqrt(1 + (e/s)^2) - 1)``; small ones are unchanged."""
     return e * np.sqrt(2.0 / (1.0 + np.sqrt(1.0 + (e / scale) ** 2)))
 
 
 def _slope(e: NDArray, scale: float) -> NDArray[np.float64]:
-    """Derivative of :func:`_soft`."""
+    """Derivative of :func:`weakened`."""
     root = np.sqrt(1.0 + (e / scale) ** 2)
     return np.sqrt(0.5 * (1.0 + root)) / root
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.friction.law import Law
+from steer_env.friction.law import Law, Sliders
 
 REACH = math.log(1e6)  # of a logarithm about its start [1]
 NEAR = 1e-3  # change of a coordinate that shows an edge of what the law allows [1]
@@ -156,7 +156,7 @@ class Space(NamedTuple):
     inside: NDArray[np.float64]  # (N,) a set that the law allows
     relaxed: bool = False  # whether sets count that the kernels take and the constructor refuses
     sliders: int = 0  # in parallel, whose coordinates stand after those of ``sought``: see :meth:`slid`
-    stroke: NDArray[np.float64] | None = None  # (2,) its ends, where the levels of sliders have slopes over it [1]
+    stroke: NDArray[np.float64] | None = None  # (2,) its ends, of sliders [1]
 
     @property
     def lowest(self) -> NDArray[np.float64]:
@@ -166,13 +166,19 @@ class Space(NamedTuple):
     @property
     def highest(self) -> NDArray[np.float64]:
         """Largest values of the coordinates (n,)."""
-        return self._ends([s.highest for s in self.sought], [REACH, REACH, 1.0])
+        latest = 0.0 if self.stroke is None else math.log(0.5 * np.ptp(self.stroke))  # later than in the stroke none yields
+        return self._ends([s.highest for s in self.sought], [REACH, latest, 1.0])
 
     def _ends(self, sought: list[float], of_slider: list[float]) -> NDArray[np.float64]:
-        return np.append(sought, np.repeat(of_slider[: 2 + (self.stroke is not None)], self.sliders))
+        return np.append(sought, np.repeat(of_slider[: 2 + self.sloped], self.sliders))
+
+    @property
+    def sloped(self) -> bool:
+        """Whether the levels of sliders have slopes over the stroke."""
+        return isinstance(self.law.fitted, Sliders) and self.law.fitted.by_position
 
     def slid(self, q: NDArray) -> list[NDArray[np.float64]]:
-        """Levels (N,), yields (N,) and, with a stroke, slopes (N,) of sliders, of which q has the logarithms."""
+        """Levels (N,) and yields (N,) of sliders, of which q has the logarithms, and slopes (N,) where they have them."""
         rows = q[len(self.sought) :].reshape(-1, max(self.sliders, 1))
         return [np.exp(rows[0]), np.exp(rows[1]), *rows[2:]]
 
@@ -180,7 +186,7 @@ class Space(NamedTuple):
         """Keywords of the law's constructor."""
         values = dict(self.held)
         if self.sliders:
-            ends = () if self.stroke is None else (self.stroke,)
+            ends = (self.stroke,) if self.sloped else ()
             values = {**self.law.fitted.made(*self.slid(q), *ends)._asdict(), **values}  # type: ignore[union-attr]
         pairs = list(zip(self.sought, q.tolist()))
         values |= {s.name: math.exp(min(v, 300.0)) if s.logarithmic else v for s, v in pairs if s.base is None}

@@ -103,5 +103,5 @@ def test_the_file_holds_the_intervals_of_sliders():
     for each in found.laws:
         assert laws[each.law]["saturated"] == list(each.fit.saturated)
     masing = next(each.fit for each in found.laws if each.law == "masing")
-    assert [row["k"] for row in laws["masing"]["sets"]] == [each.k for each in masing.sets]
+    assert [row["k"] for row in laws["masing"]["sliders"]] == [each.k for each in masing.sliders]
     assert laws["masing"]["limits"]["sigma_1"] == [True, False]

@@ -42,7 +42,7 @@ def test_own_record(p):
     assert found.residual < 1e-6
     assert found.offset == pytest.approx(OFFSET, rel=0.01)
     for name in set(found.intervals) & set(p._fields):
-        assert getattr(found.parameters, name) == pytest.approx(getattr(p, name), rel=1e-6)
+        assert getattr(found.parameters, name) == pytest.approx(getattr(p, name), rel=1e-6, abs=1e-6)
 
 
 def test_masing_finds_a_virgin_curve_off_its_grid():
@@ -231,8 +231,3 @@ def test_a_search_that_does_not_end_gives_no_parameters(monkeypatch):
     monkeypatch.setattr(scipy.optimize, "least_squares", endless)
     with refused(["did not converge", "global_search=True"]):
         friction.fit(LOOPS, T, dt=DT)
-
-
-def test_unknown_way_to_intervals():
-    with refused(["intervals", "linear, bootstrap, profile", "'exact'"]):
-        friction.fit(LOOPS, T, dt=DT, intervals="exact")
