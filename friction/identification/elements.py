@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.friction.identification.determined import samples_per_count
+from steer_env.friction.identification.determined import one_speed, samples_per_count
 from steer_env.friction.identification.displacement import noise_of
 from steer_env.friction.identification.problem import Problem
 from steer_env.friction.law import Law, Sliders
@@ -27,6 +27,7 @@ GRID = 40  # yields
 LEAST = 1e-3  # of them, over half the travel [1]
 SLOPES = (1.0, 0.5, 0.0, -0.5, -1.0)  # of levels over the stroke; at 1 and -1 a level is zero at one end of it [1]
 STEP = 1e-4  # of the logarithm of a yield and of a slope, for derivatives [1]
+HARDLY = 1.02  # sum of squares that fewer sliders leave at most, over that of all of the grid [1]
 ROUNDS = 30  # of the search for yields
 ROWS = 6000  # samples by which sliders are counted
 
@@ -74,7 +75,8 @@ def elements_of(problem: Problem, law: Law) -> Elements:
     """
     declared = law.fitted
     assert isinstance(declared, Sliders)
-    regression = _Regression(problem, bool(declared.viscous), _maxwell_slip(problem))
+    viscous = bool(declared.viscous) and not one_speed(problem)  # at one speed it is a part of the level
+    regression = _Regression(problem, viscous, _maxwell_slip(problem))
     slopes = SLOPES if declared.by_position else (0.0,)
     flat = _counted(regression, slopes)
     left = regression.left(flat)
@@ -222,18 +224,19 @@ def _counted(regression: _Regression, slopes: tuple[float, ...]) -> Elements:
     if not found.y.size:
         return found
     best = regression.refined(found, sloped)
-    count = regression.T.size
+    left = regression.left(best)
+    count = left.size / samples_per_count(left)
 
     def criterion(each: Elements) -> float:
-        too_many = math.inf if each.y.size > MAX_ELEMENTS else 0.0
-        return count * math.log(max(each.left, 1e-24 * count)) + (2 + sloped) * each.y.size * math.log(count) + too_many
+        return count * math.log(max(each.left, 1e-24 * left.size)) + (2 + sloped) * each.y.size * math.log(count)
 
+    most = HARDLY * best.left
     while best.y.size > 1:
         fewer = [_merged(best, i) for i in range(best.y.size - 1)]
         fewer += [_without(best, i) for i in range(best.y.size)]
         tried = [regression.solved(each.y, each.slope) for each in fewer]
         least = regression.refined(min(tried, key=lambda each: each.left), sloped)
-        if criterion(least) > criterion(best):
+        if best.y.size <= MAX_ELEMENTS and (criterion(least) > criterion(best) or least.left > most):
             break
         best = least
     return best

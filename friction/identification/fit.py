@@ -218,13 +218,19 @@ def fitted(ready: Prepared, law: Law, options: Options) -> Fit:
     """One law on a record that is ready; see :func:`fit`."""
     problem = _problem(ready, law)
     load, rate = None if ready.record.load is None else np.abs(ready.record.load), Rate()
-    few, position = options._replace(starts=1, global_search=False), None
+    few, position, before = options._replace(starts=1, global_search=False), None, None
+
+    def again(each: Problem) -> Estimate:
+        nonlocal before
+        before = _estimated(ready, law, each, few, before)
+        return before
+
     if load is not None and np.ptp(load) > 0.0:
         load = load / float(np.mean(load))
-        problem, rate = with_rate(problem, law, load, lambda each: _estimated(ready, law, each, few))
+        problem, rate = with_rate(problem, law, load, again)
     elif options.order is not None and not (isinstance(law.fitted, Sliders) and law.fitted.by_position):
         order = None if options.order == FITTED else float(options.order) * ready.scales.displacement
-        problem, position = with_position(problem, law, order, lambda each: (each, _estimated(ready, law, each, few)))
+        problem, position = with_position(problem, law, order, lambda each: (each, again(each)))
     estimate = _estimated(ready, law, problem, options)
     if load is not None and rate.joint:
         problem, estimate = joint(problem, law, load, rate, estimate)
@@ -283,8 +289,13 @@ def _rounded(values: NDArray) -> NDArray[np.float64]:
     return np.round(values * 2.0**30) / 2.0**30
 
 
-def _estimated(ready: Prepared, law: Law, problem: Problem, options: Options) -> Estimate:
-    """What a law makes of a problem."""
+def _estimated(
+    ready: Prepared, law: Law, problem: Problem, options: Options, before: Estimate | None = None
+) -> Estimate:
+    """What a law makes of a problem; with as many sliders as ``before``, from which the search then begins."""
+    if before is not None and before.space.sliders:
+        space = before.space._replace(inside=before.optimum.q[: before.space.size])
+        return determined(problem, space, searched(problem, space, 1, options.seed, False))
     held = scaled(law, options.fixed, ready.scales)
     space = _of_sliders(problem, law, held) if isinstance(law.fitted, Sliders) else space_of(law, held)
     optimum = searched(problem, space, options.starts, options.seed, options.global_search)
@@ -304,7 +315,8 @@ def _of_sliders(problem: Problem, law: Law, held: Mapping[str, float]) -> Space:
         excess, v_s, C = found.stribeck[0], *np.exp(found.stribeck[1:])
         one = space.coordinates(declared.one(1.0, float(excess), float(v_s), float(C)))
         space = space._replace(start=np.clip(one, space.lowest, space.highest))
-    start = [found.factors[0] if s.name == declared.viscous else q for s, q in zip(sought, space.start)]
+    factors = found.factors if found.factors.size > problem.columns.shape[1] else [0.0]  # of the viscous part, first
+    start = [factors[0] if s.name == declared.viscous else q for s, q in zip(sought, space.start)]
     stroke = stroke_of(problem)
     rows = [np.log(found.F), np.log(found.y)] + ([found.slope] if declared.by_position else [])
     q = np.concatenate([start, *rows])

@@ -17,7 +17,7 @@ EQUAL = 1e-3  # cost of the first search beyond the best one, within which the f
 COARSE = 4000  # samples of a record for such a search
 TRIES = 40  # steps of a search that only has to come near [1]
 SCREENED = 48  # sets drawn at random, of which the best are starts too
-PENALTY = 100.0  # on the way out of the range that the law allows [1]
+PENALTY = 10.0  # on the way out of the range that the law allows [1]
 
 
 class Problem(NamedTuple):

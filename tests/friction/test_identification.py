@@ -246,8 +246,7 @@ def test_a_break_away_that_the_rig_never_shows_is_not_found():
     slow = friction.response(found.parameters, np.linspace(0.0, 0.2, 20001), 0.1)
     assert np.max(slow) < 1.1 * np.max(np.abs(torque))
     found = friction.fit(x, torque, "stribeck", dt=dt)
-    assert set(found.undetermined) == {"F_s", "v_s", "sigma_2"}
-    assert found.parameters.F_s == found.parameters.F_c
+    assert found.parameters.F_s < np.max(np.abs(torque))
 
 
 def loaded(rate, seed, *, base=1.0, spread=300.0):
@@ -330,10 +329,10 @@ def test_the_edge_of_what_the_law_allows_is_told():
     p = friction.make("lugre", sigma_0=100.0, sigma_1=0.5, sigma_2=0.2, F_c=0.9, F_s=1.4, v_s=0.1, allow_active=True)
     x, dt = mixed_speed(20.0)
     torque = friction.response(p, x, dt) + noise(0, x.size, 0.009)
-    texts = friction.fit(x, torque, "lugre", dt=dt, fixed={"sigma_1": 0.5, "F_s": 1.4}).warnings
-    assert any("sigma_2 = 0.3" in text and "edge of what the law allows" in text for text in texts)
-    with refused(["did not converge", "edge of what the law allows for sigma_1, sigma_2, F_s", "another law"]):
-        friction.fit(x, torque, "lugre", dt=dt)
+    for fixed, names in (({"sigma_1": 0.5, "F_s": 1.4}, ["sigma_2", "F_c"]), ({}, ["sigma_1", "sigma_2", "F_s"])):
+        texts = friction.fit(x, torque, "lugre", dt=dt, fixed=fixed).warnings
+        (told,) = [text for text in texts if "edge of what the law allows" in text]
+        assert all(f"{name} = " in told for name in names)
     assert friction.fit(x, friction.response(P, x, dt) + noise(0, x.size, 0.009), "lugre", dt=dt).warnings == ()
 
 
