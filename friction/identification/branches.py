@@ -56,12 +56,12 @@ def branches_of(x: NDArray, T: NDArray, band: float) -> Branches:
     if one_way and not slides and not saturates(ways[0], rises[0], 0.125 * swing):
         raise ValueError(
             f"x must move and reverse at least once, or the torque must rise and break away, got a path from "
-            f"{x.min():g} to {x.max():g} rad: record a stroke to and fro that slides at both ends"
+            f"{x.min():g} to {x.max():g}: record a stroke to and fro that slides at both ends"
         )
     mean_rise = np.mean(T) * (x[-1] - x[0]) if slides else np.mean(np.concatenate(rises))
     if mean_rise <= 0.0:
         raise ValueError(
-            f"torque must rise as x rises, as friction resists, got {mean_rise:g} N m on the mean after a reversal: "
+            f"torque must rise as x rises, as friction resists, got {mean_rise:g} on the mean after a reversal: "
             "if its sign is swapped, pass -torque"
         )
     saturated = [slides or saturates(way, rise, 0.25 * swing) for way, rise in zip(ways, rises)]

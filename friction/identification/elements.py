@@ -135,9 +135,7 @@ class _Regression(NamedTuple):
         A = np.column_stack([own, self.others()])
         p = not_negative_factors(A, self.T, y.size + self.viscous)
         used = np.flatnonzero(p[: y.size])
-        return Elements(
-            p[used], y[used], slope[used], p[y.size :], float(np.sum((A @ p - self.T) ** 2)), np.empty(0)
-        )
+        return Elements(p[used], y[used], slope[used], p[y.size :], float(np.sum((A @ p - self.T) ** 2)), np.empty(0))
 
     def left(self, found: Elements) -> NDArray[np.float64]:
         """What sliders leave (n,)."""
@@ -245,7 +243,7 @@ def _counted(regression: _Regression, slopes: tuple[float, ...]) -> Elements:
 def _merged(found: Elements, i: int) -> Elements:
     """Sliders of which two neighbours are one, with the stiffness and the level of both."""
     group = np.arange(found.y.size) - (np.arange(found.y.size) > i)
-    F, k = np.bincount(group, found.F), np.bincount(group, found.F / found.y)
+    F, k = (np.bincount(group, each).astype(float) for each in (found.F, found.F / found.y))
     return found._replace(F=F, y=F / k, slope=np.bincount(group, found.F * found.slope) / F)
 
 
@@ -269,7 +267,9 @@ def at_ends(problem: Problem, F: NDArray, y: NDArray) -> list[str]:
     low, high = stroke_of(problem)
     share = 2.0 * float(y[np.argmax(F)]) / float(high - low)
     if share < 1.01 * LEAST:
-        return ["the largest slider has the least yield of the search: it may yield earlier; sample faster, or move slower"]
+        return [
+            "the largest slider has the least yield of the search: it may yield earlier; sample faster, or move slower"
+        ]
     if share > 0.99:
         return ["the largest slider has the largest yield of the search: it may yield later; record longer strokes"]
     return []

@@ -259,9 +259,7 @@ def _unbiased(ready: Prepared, law: Law, problem: Problem, estimate: Estimate) -
     shift = np.linalg.lstsq(end.jacobian, left, rcond=1e-9)[0]
     q = end.q + shift
     q[:n] = estimate.space.nearest(q[:n])
-    return estimate._replace(
-        parameters=estimate.space.made(q[:n])[0], optimum=end._replace(q=q), shift=q - end.q
-    )
+    return estimate._replace(parameters=estimate.space.made(q[:n])[0], optimum=end._replace(q=q), shift=q - end.q)
 
 
 def _problem(ready: Prepared, law: Law) -> Problem:

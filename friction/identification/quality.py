@@ -34,7 +34,7 @@ def refuse(x: NDArray, torque: NDArray, noise: float) -> None:
     swing = float(np.ptp(x))
     if noise > NOISIEST * swing:
         raise ValueError(
-            f"x must have noise of at most {NOISIEST:.0%} of its travel, got {noise:g} of {swing:g} rad: filter it, "
+            f"x must have noise of at most {NOISIEST:.0%} of its travel, got {noise:g} of {swing:g}: filter it, "
             "record wider strokes, or check that the displacement's column is not another one's"
         )
     beside = torque - np.polyval(np.polyfit(x - x.mean(), torque, 1), x - x.mean())

@@ -34,7 +34,7 @@ def checked(x: ArrayLike, torque: ArrayLike, dt: float, load: ArrayLike | None =
     if forces is not None and forces.size != T.size:
         raise ValueError(f"load and torque must be of equal length, got {forces.size} and {T.size} samples")
     if not np.ptp(path) > 0.0:
-        raise ValueError(f"x must move, got a path from {path.min():g} to {path.max():g} rad")
+        raise ValueError(f"x must move, got a path from {path.min():g} to {path.max():g}")
     return Record(path, T, step, forces)
 
 

@@ -1,4 +1,4 @@
-"""What a user has to know about an estimate: the warnings of a fit."""
+"""What a user has to know about an estimate: the warnings of a fit. All numbers are in the units of the record."""
 
 import math
 from typing import TYPE_CHECKING
@@ -37,7 +37,7 @@ def remarks(found: "Fit", ready: "Prepared", law: Law, optimum: Optimum) -> tupl
 
 
 def _undetermined(found: "Fit", ready: "Prepared", law: Law) -> list[str]:
-    values = [f"{name} = {getattr(found.parameters, name):g} {law.units[name]}" for name in found.undetermined]
+    values = [f"{name} = {getattr(found.parameters, name):g}" for name in found.undetermined]
     if not values:
         return []
     text = f"the record does not determine {', '.join(values)}: kept at these values; "
@@ -45,7 +45,7 @@ def _undetermined(found: "Fit", ready: "Prepared", law: Law) -> list[str]:
     step = float(np.median(np.abs(np.diff(ready.record.x))))
     if any(law.units[name] == "N m/rad" for name in found.undetermined) and ready.scales.displacement < SHORT * step:
         texts.append(
-            f"the torque follows a reversal within about a step of x between samples ({step:g} rad), so its stiffness "
+            f"the torque follows a reversal within about a step of x between samples ({step:g}), so its stiffness "
             "has only a lower bound: sample faster or move slower"
         )
     return texts
@@ -64,8 +64,8 @@ def _bounds(found: "Fit", ready: "Prepared", law: Law) -> list[str]:
             side = "largest" if each > s.highest - END else "least"
             limit = f" ({1.0 + s.highest:g} {s.base})" if s.base else ""
             end = f"ends at the {side} value of the search{limit}"
-            texts.append(f"{_value(found, law, s.name)} {end}: give it with fixed=, or try another law")
-    at = [_value(found, law, name) for name in space.edges(q) if name in found.intervals]
+            texts.append(f"{_value(found, s.name)} {end}: give it with fixed=, or try another law")
+    at = [_value(found, name) for name in space.edges(q) if name in found.intervals]
     if at:
         texts.append(
             f"{', '.join(at)} end at the edge of what the law allows: the record may be of another law; give what is "
@@ -74,8 +74,8 @@ def _bounds(found: "Fit", ready: "Prepared", law: Law) -> list[str]:
     return texts
 
 
-def _value(found: "Fit", law: Law, name: str) -> str:
-    return f"{name} = {getattr(found.parameters, name):.3g} {law.units[name]}"
+def _value(found: "Fit", name: str) -> str:
+    return f"{name} = {getattr(found.parameters, name):.3g}"
 
 
 def _misfit(found: "Fit", ready: "Prepared") -> list[str]:
@@ -84,7 +84,7 @@ def _misfit(found: "Fit", ready: "Prepared") -> list[str]:
         return []
     times = f", {found.residual / ready.own_noise:.3g} times the record's own noise" if ready.own_noise > 0.0 else ""
     return [
-        f"the law does not describe the record: it leaves {found.residual:.3g} N m RMS in the fitted samples, "
+        f"the law does not describe the record: it leaves {found.residual:.3g} RMS in the fitted samples, "
         f"{found.residual / level:.1%} of the saturated level{times}; the intervals are of the law that fits best, "
         "not of the friction: try another law with friction.compare"
     ]
@@ -110,12 +110,12 @@ def _sensors(ready: "Prepared", optimum: Optimum) -> list[str]:
     scales, texts = ready.scales, []
     if ready.noise > DOMINANT * scales.displacement:
         texts.append(
-            f"noise of x ({ready.noise:.3g} rad) is {ready.noise / scales.displacement:.0%} of the length over which "
+            f"noise of x ({ready.noise:.3g}) is {ready.noise / scales.displacement:.0%} of the length over which "
             "the torque follows a reversal: stiffness and damping are those of the filtered motion; use a finer sensor"
         )
     if ready.by_noise > max(MATTERS * scales.torque, math.sqrt(0.5) * ready.own_noise):
         texts.append(
-            f"noise or steps of x (deviation {ready.noise:.3g} rad) leave about {ready.by_noise:.2g} N m, more than "
+            f"noise or steps of x (deviation {ready.noise:.3g}) leave about {ready.by_noise:.2g} of the torque, more than "
             "the noise of the torque does: small loops are those of the filtered motion, no law is judged by less than "
             "that, and the intervals do not allow for it; use a finer sensor, or fit a part with wider loops"
         )
@@ -140,12 +140,11 @@ def _wandering(optimum: Optimum, ready: "Prepared") -> list[str]:
     over = float(np.ptp(zero))
     if ready.branches.saturates and over > DRIFT and np.sum((e - zero) ** 2) < WANDERS * (left @ left):
         return [
-            f"the zero of the torque wanders over {over * level:.3g} N m in the course of the record, not along a "
+            f"the zero of the torque wanders over {over * level:.3g} in the course of the record, not along a "
             "straight line: subtract it, or fit shorter parts"
         ]
     if abs(drift) > max(DRIFT, SURE * half):
         return [
-            f"the zero of the torque drifts by {drift * level:.3g} N m over the record: subtract it, or fit shorter "
-            "parts"
+            f"the zero of the torque drifts by {drift * level:.3g} over the record: subtract it, or fit shorter parts"
         ]
     return []

@@ -166,7 +166,9 @@ class Space(NamedTuple):
     @property
     def highest(self) -> NDArray[np.float64]:
         """Largest values of the coordinates (n,)."""
-        latest = 0.0 if self.stroke is None else math.log(0.5 * np.ptp(self.stroke))  # later than in the stroke none yields
+        latest = (
+            0.0 if self.stroke is None else math.log(0.5 * np.ptp(self.stroke))
+        )  # later than in the stroke none yields
         return self._ends([s.highest for s in self.sought], [REACH, latest, 1.0])
 
     def _ends(self, sought: list[float], of_slider: list[float]) -> NDArray[np.float64]:

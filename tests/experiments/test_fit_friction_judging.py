@@ -104,4 +104,6 @@ def test_the_file_holds_the_intervals_of_sliders():
         assert laws[each.law]["saturated"] == list(each.fit.saturated)
     masing = next(each.fit for each in found.laws if each.law == "masing")
     assert [row["k"] for row in laws["masing"]["sliders"]] == [each.k for each in masing.sliders]
-    assert laws["masing"]["limits"]["sigma_1"] == [True, False]
+    limits = {each.law: each.fit.limits for each in found.laws}
+    assert limits["bouc_wen"]
+    assert all(laws[name]["limits"] == {key: list(ends) for key, ends in each.items()} for name, each in limits.items())

@@ -64,7 +64,7 @@ def stick_slip(p=P, duration=60.0, dt=0.004, J=0.2, k=10.0, speed=0.05):
 
 
 @pytest.mark.parametrize("law", ["coulomb", "dahl", pytest.param("masing", marks=pytest.mark.whole)])
-def test_intervals_by_periods_hold_for_the_same_contact_later(law):
+def test_intervals_hold_for_the_same_contact_later(law):
     """Pieces of 40 s of the rig: at most 5 % to either side, and any two overlap."""
     record, ends = rig(), []
     for first in (0, 4000, 8000, 12000):
