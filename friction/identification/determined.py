@@ -113,7 +113,7 @@ def determined(problem: Problem, space: Space, optimum: Optimum) -> Estimate:
     """
     undetermined: list[str] = []
     while True:
-        space, optimum, excess, half = _spared(problem, space, optimum, undetermined)
+        space, optimum, excess = _spared(problem, space, optimum, undetermined)
         name = _beyond(problem, space, optimum, excess) or _damping(problem, space, optimum)
         if name is None:
             break
@@ -174,7 +174,7 @@ def _may_go(space: Space, name: str, q: NDArray) -> bool:
 
 def _spared(
     problem: Problem, space: Space, optimum: Optimum, undetermined: list[str]
-) -> tuple[Space, Optimum, dict[str, float], NDArray[np.float64]]:
+) -> tuple[Space, Optimum, dict[str, float]]:
     """What is left where all have gone that may, with how wide it is; adds to the names of what has gone."""
     stays: set[str] = set()
     while True:
@@ -197,7 +197,7 @@ def _spared(
             undetermined.append(name)
             space, optimum = smaller
             stays.clear()
-    return space, optimum, excess, half
+    return space, optimum, excess
 
 
 def _beyond(problem: Problem, space: Space, optimum: Optimum, excess: dict[str, float]) -> str | None:

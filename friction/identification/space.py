@@ -180,7 +180,7 @@ class Space(NamedTuple):
         return isinstance(self.law.fitted, Sliders) and self.law.fitted.by_position
 
     def slid(self, q: NDArray) -> list[NDArray[np.float64]]:
-        """Levels (N,) and yields (N,) of sliders, of which q has the logarithms, and slopes (N,) where they have them."""
+        """Levels (N,) and yields (N,) of sliders, of which q has the logarithms, and slopes (N,) if they have them."""
         rows = q[len(self.sought) :].reshape(-1, max(self.sliders, 1))
         return [np.exp(rows[0]), np.exp(rows[1]), *rows[2:]]
 
