@@ -51,10 +51,10 @@ def motion_of(x: NDArray, noise: float) -> NDArray[np.float64]:
     """The motion behind a displacement with white noise (F33).
 
     Between reversals the motion goes one way. Each branch is smoothed by itself with local polynomials (Savitzky,
-    Golay), which does not round the reversals, and then replaced by the nearest monotone history (isotonic regression). The
-    window of the polynomials is that of the least expected error (Mallows, Stein), among those that bring the noise of
-    the speed to ``SMOOTH``; of a staircase, whose noise is not random, it is the shortest of them. Noise too small to
-    matter is left alone.
+    Golay), which does not round the reversals, and then replaced by the nearest monotone history (isotonic
+    regression). The window of the polynomials is that of the least expected error (Mallows, Stein), among those that
+    bring the noise of the speed to ``SMOOTH``; of a staircase, whose noise is not random, it is the shortest of them.
+    Noise too small to matter is left alone.
 
     Sources: Savitzky, Golay, Analytical Chemistry 36 (1964) 1627-1639; Barlow, Bartholomew, Bremner, Brunk, Statistical
     Inference under Order Restrictions, 1972; Stein, Annals of Statistics 9 (1981) 1135-1151.

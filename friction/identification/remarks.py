@@ -116,8 +116,8 @@ def _sensors(ready: "Prepared", optimum: Optimum) -> list[str]:
     if ready.by_noise > max(MATTERS * scales.torque, math.sqrt(0.5) * ready.own_noise):
         texts.append(
             f"noise or steps of x (deviation {ready.noise:.3g}) leave about {ready.by_noise:.2g} of the torque, more "
-            "than the noise of the torque does: small loops are those of the filtered motion, no law is judged by less than "
-            "that, and the intervals do not allow for it; use a finer sensor, or fit a part with wider loops"
+            "than the noise of the torque does: small loops are those of the filtered motion, no law is judged by less "
+            "than that, and the intervals do not allow for it; use a finer sensor, or fit a part with wider loops"
         )
     if told := clipped(ready.record.torque):
         texts.append(told)
