@@ -19,7 +19,8 @@ SMALL = 0.05  # ... or, where it is small, of its scale [1]
 FLOOR = 1e-3  # deviation of the residuals at least, of the level [1]: what noise-free records are judged by
 WORSE = 6.6  # growth of the sum of squares, in deviations squared: quantile of 99 % of chi square, one degree ...
 HARDLY = 0.02  # ... and of the residual at most [1]: residuals that last for long allow much growth
-EDGE = 1e-3  # coordinate that counts as zero, where it may not be negative [1]
+FAR_OUT = 3.0  # of the scale of the loss: larger residuals do not count there, as where a reversal is a sample late [1]
+EDGE = 1e-3  # distance of a coordinate from the end of its range, within which it is at it [1]
 STARTS = 3  # of the search without a break-away ...
 BEYOND = 1.5  # ... of so many times the largest torque of the record, which does not show it then; assumed [1]
 STRETCHES = 10  # parts of a record without equal periods ...
@@ -231,9 +232,7 @@ def _without(problem: Problem, space: Space, optimum: Optimum, name: str) -> tup
         return None
     n_e = optimum.residual.size / samples_per_count(optimum.residual)
     growth = min(WORSE / n_e, (1.0 + HARDLY) ** 2 - 1.0)  # (F34)
-    squares = float(np.sum(optimum.residual**2))
-    allowed = growth * (squares + FLOOR**2 * optimum.residual.size)
-    allowed = max(allowed, problem.own**2 * optimum.residual.size - squares)  # else it describes the noise of x
+    spare = problem.own**2 * optimum.residual.size - float(np.sum(optimum.residual**2))  # it describes the noise of x
     again = np.where(smaller.lowest == 0.0, smaller.start, smaller.inside)  # what was zero may replace it
     part, coarse = problem.thinned(), 0.1 * float(np.ptp(problem.torque))
     for q in (smaller.inside, again, None):
@@ -241,7 +240,9 @@ def _without(problem: Problem, space: Space, optimum: Optimum, name: str) -> tup
             end = searched(problem, smaller, STARTS, 0, False)
         else:
             end = refined(problem, smaller, descended(part, smaller, np.append(q, optimum.q[n:]), coarse))
-        if np.sum(end.residual**2) - squares <= allowed:
+        inside = np.abs(optimum.residual) < FAR_OUT * end.loss_scale  # without what would allow much
+        before, after = (float(np.sum(each.residual[inside] ** 2)) for each in (optimum, end))
+        if after - before <= max(growth * (before + FLOOR**2 * inside.sum()), spare):
             return smaller, end
     return None
 

@@ -24,7 +24,7 @@ from steer_env.friction.identification.position import FITTED, NAMES, Position, 
 from steer_env.friction.identification.position import joint as joint_with_position
 from steer_env.friction.identification.position import told as told_of_position
 from steer_env.friction.identification.problem import Problem, searched, weakened
-from steer_env.friction.identification.quality import by_noise, noisy_again, own_noise, refuse
+from steer_env.friction.identification.quality import MATTERS, by_noise, noisy_again, own_noise, refuse
 from steer_env.friction.identification.rate import Rate, joint, told, with_rate
 from steer_env.friction.identification.record import Record, checked
 from steer_env.friction.identification.remarks import remarks
@@ -97,6 +97,11 @@ class Prepared(NamedTuple):
     own_noise: float  # of the torque: what even the true law leaves [N m]
     branches: Branches
     scales: Scales
+
+    @property
+    def hides(self) -> bool:
+        """Whether noise of x leaves more of the torque than its own noise does, and so much that it matters."""
+        return self.by_noise > max(MATTERS * self.scales.torque, math.sqrt(0.5) * self.own_noise)
 
 
 def fit(
@@ -278,7 +283,7 @@ def _problem(ready: Prepared, law: Law) -> Problem:
         np.ones(x.size),
         weighed_of(record.x, ready.branches, remembers),
         np.column_stack(columns) if columns else np.zeros((x.size, 0)),
-        ready.own_noise / scales.torque if ready.by_noise else 0.0,
+        ready.own_noise / scales.torque if ready.hides and remembers else 0.0,
     )
 
 
@@ -309,8 +314,8 @@ def _of_sliders(problem: Problem, law: Law, held: Mapping[str, float]) -> Space:
         raise ValueError(f"no slider of {law.name!r} describes the record: its torque has no part that slides")
     sought = sought_of(law, {**held, "F_c": None})  # the sum of the levels
     space = Space(law, sought, held, {}, np.array([s.start for s in sought]), np.empty(0))
-    if declared.one is not None and found.stribeck.size:
-        excess, v_s, C = found.stribeck[0], *np.exp(found.stribeck[1:])
+    if declared.one is not None:
+        excess, v_s, C = (found.stribeck[0], *np.exp(found.stribeck[1:])) if found.stribeck.size else (0.0, 1.0, 1.0)
         one = space.coordinates(declared.one(1.0, float(excess), float(v_s), float(C)))
         space = space._replace(start=np.clip(one, space.lowest, space.highest))
     factors = found.factors if found.factors.size > problem.columns.shape[1] else [0.0]  # of the viscous part, first

@@ -17,6 +17,7 @@ CLIPPED = 20  # samples in a row at the largest value that are taken for a senso
 ALTERNATING = 0.6  # third differences that change their sign, at least [1]; of white noise 0.77 do
 NOISY = 1e-3  # noise of a sensor's signal over its range, at least [1]
 DRIFT = 0.03  # of the level: a smaller drift of the zero is not told [1]
+MATTERS = 0.01  # of the level: less than this that noise of x or a law leaves is not told [1]
 LOST = 2.0  # what noise of x leaves, over what a second smoothing of the smoothed motion shows; assumed [1]
 DRAWS = 4  # of noise of a displacement
 

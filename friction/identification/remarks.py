@@ -1,13 +1,12 @@
 """What a user has to know about an estimate: the warnings of a fit. All numbers are in the units of the record."""
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from steer_env.friction.identification.determined import half_widths
 from steer_env.friction.identification.problem import Optimum
-from steer_env.friction.identification.quality import DRIFT, clipped
+from steer_env.friction.identification.quality import DRIFT, MATTERS, clipped
 from steer_env.friction.identification.scales import scaled
 from steer_env.friction.identification.space import Space, sought_of
 from steer_env.friction.law import Law
@@ -16,7 +15,6 @@ if TYPE_CHECKING:
     from steer_env.friction.identification.fit import Fit, Prepared
 
 UNLIKE = 1.5  # residual over the record's own noise, of a law that does not describe it [1] ...
-MATTERS = 0.01  # ... where it is also more than this, of the level [1]
 DOMINANT = 0.1  # noise of x, of the length over which the torque follows a reversal [1]
 SHORT = 5.0  # steps between samples, within which the torque follows a reversal [1]
 SLOW = 6  # cosines that a zero may wander along, of half a period to three in the record; one for two branches at most
@@ -113,7 +111,7 @@ def _sensors(ready: "Prepared", optimum: Optimum) -> list[str]:
             f"noise of x ({ready.noise:.3g}) is {ready.noise / scales.displacement:.0%} of the length over which "
             "the torque follows a reversal: stiffness and damping are those of the filtered motion; use a finer sensor"
         )
-    if ready.by_noise > max(MATTERS * scales.torque, math.sqrt(0.5) * ready.own_noise):
+    if ready.hides:
         texts.append(
             f"noise or steps of x (deviation {ready.noise:.3g}) leave about {ready.by_noise:.2g} of the torque, more "
             "than the noise of the torque does: small loops are those of the filtered motion, no law is judged by less "

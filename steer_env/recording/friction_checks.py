@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 BAND = 0.05  # of the travel: a smaller swing is no reversal [1]
 LEAST_WORK = 0.1  # net work over the sum of its magnitudes, below which a record has no sign [1]
+# Half the travel and mean friction of contacts from a small joint to a loaded rack, by unit; assumed.
+USUAL = {"m": (2e-6, 0.2), "rad": (2e-5, 15.0), "N": (0.02, 1e4), "N m": (2e-4, 200.0)}
 CONCAVE = 0.35  # of a branch's rise that friction has reached at half its way, at least [1]; a straight line has 0.5
 
 

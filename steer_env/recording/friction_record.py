@@ -256,6 +256,15 @@ def checked(record: FrictionRecord, sign: int | None, without_drift: bool = Fals
         else:
             text += ": take it out with --without-drift, or cut the record with --between"
         notes += (text,)
+    sizes = {"displacement": 0.5 * float(np.ptp(x)), "friction": checks.mean_friction(x, friction)}
+    for (name, size), unit in zip(sizes.items(), record.units.values()):
+        least, most = checks.USUAL[unit]
+        if not least < size < most:
+            what = "half the travel" if name == "displacement" else "the mean friction"
+            notes += (
+                f"{what} is {size:.3g} {unit}, where contacts of steerings have {least:g} to {most:g}: check the unit "
+                f'of the {name}, and name it with --map {name}="name in the file[unit]"',
+            )
     return replace(record, friction=friction, notes=notes)
 
 

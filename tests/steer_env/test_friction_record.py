@@ -161,6 +161,22 @@ def test_a_sensor_at_its_end_and_a_drifting_zero_are_told():
     assert np.polyfit(T, still.friction - noisy, 1)[0] == pytest.approx(0.0, abs=2e-4)
 
 
+@pytest.mark.parametrize(
+    ("x", "torque", "told"),
+    [
+        (X, F, []),
+        (1e3 * X, F, ["half the travel is 50 rad", "unit of the displacement"]),
+        (1e-4 * X, F, ["half the travel is 5e-06 rad"]),
+        (X, 1e3 * F, ["the mean friction is", "unit of the friction"]),
+        (X, 1e-4 * F, ["the mean friction is"]),
+    ],
+)
+def test_a_unit_that_is_wrong_by_a_thousand_is_told(x, torque, told):
+    notes = [note for note in friction_record.from_recording(rig(x, torque)).notes if "contacts of steerings" in note]
+    assert len(notes) == (1 if told else 0)
+    assert all(part in notes[0] for part in told)
+
+
 def test_the_period_and_what_repeats():
     assert periods.period(X) == 1000
     assert periods.repeatability(X, F + NOISE, 2000) == pytest.approx(0.01 * np.sqrt(2.0), rel=0.05)
