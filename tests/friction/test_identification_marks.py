@@ -167,7 +167,7 @@ def slip_elements(seed):
 
 
 def test_sliders_and_what_is_viscous_are_found_together_behind_noise_of_the_displacement():
-    """Before, sliders stood on a grid without the viscous part: 240 in place of 500 N s/m, with an interval to match."""
+    """Before, sliders stood on a grid without the viscous part: 240 in place of 500 N s/m, and told as sure."""
     held = []
     for seed in range(12):
         p, y, x, measured, dt = slip_elements(seed)
