@@ -144,5 +144,6 @@ def test_a_fit_of_its_own_record_finds_curve_and_lag():
 def test_what_a_record_does_not_determine_has_no_interval():
     x = np.radians(3.0) * np.sin(0.2 * np.pi * np.arange(0.0, 60.0, 0.02))
     found = friction.fit(x, friction.response("coulomb", x, 0.02), "gms", dt=0.02, starts=1)
-    assert "F_c" in found.undetermined
+    assert set(found.undetermined) == {"F_s", "v_s", "C", "sigma_2"}
+    assert found.parameters.F_c == pytest.approx(0.9, rel=1e-6)
     assert not set(found.undetermined) & set(found.intervals)

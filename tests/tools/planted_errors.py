@@ -164,8 +164,8 @@ ERRORS = (
     Planted(
         "decimal commas are taken for separators",
         "steer_env/recording/csv_file.py",
-        'row = _cells(line if layout.separator == "," else line.replace(",", "."), layout.separator)',
-        'row = _cells(line if layout.separator != ";" else line.replace(",", "."), layout.separator)',
+        'yield number, line if layout.separator == "," else line.replace(",", ".")',
+        'yield number, line if layout.separator != ";" else line.replace(",", ".")',
         "tests/steer_env/test_measured_files.py tests/steer_env/test_recording_files.py tests/steer_env",
     ),
     Planted(
