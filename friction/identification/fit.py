@@ -154,11 +154,11 @@ def fit(
     Returns
     -------
     Fit
-        The intervals cover noise of torque and displacement, not a law that does not fit. Those of ``"load"``, ``"position"``,
-        ``"order"`` and ``"peak"`` are of fields of ``level``. ``asymmetry`` is the one that has the place of ``offset``
-        if the zero of the sensor is true. The interval of ``F_c`` is open above where the weighed torque never
-        saturates; those of Masing are of ``F_c`` and of the ``virgin_torque`` at its yields. They end where the law
-        does (``limits``). ``sliders`` are those in parallel that the record asks for, and ``saturated``
+        The intervals cover noise of torque and displacement, not a law that does not fit. Those of ``"load"``,
+        ``"position"``, ``"order"`` and ``"peak"`` are of fields of ``level``. ``asymmetry`` is the one that has the
+        place of ``offset`` if the zero of the sensor is true. The interval of ``F_c`` is open above where the weighed
+        torque never saturates; those of Masing are of ``F_c`` and of the ``virgin_torque`` at its yields. They end
+        where the law does (``limits``). ``sliders`` are those in parallel that the record asks for, and ``saturated``
         is the friction after a long way at the record's median speed, both with intervals by the delta method.
 
     Raises
