@@ -133,7 +133,7 @@ def _rms(values: NDArray) -> float:
 
 
 def _moves(record: Record, inertia: float | None, judging: slice) -> NDArray[np.bool_]:
-    moves = moving(prepared(record, inertia).record.x)
+    moves = moving(cleaned(record, deviation_of(record.x), inertia).x)
     if not np.any(moves[judging]):
         raise ValueError("the samples that judge must hold motion, got a rest: choose another held_out")
     return moves

@@ -27,16 +27,17 @@ GRID = 40  # yields
 LEAST = 1e-3  # of them, over half the travel [1]
 SLOPES = (1.0, 0.5, 0.0, -0.5, -1.0)  # of levels over the stroke; at 1 and -1 a level is zero at one end of it [1]
 STEP = 1e-4  # of the logarithm of a yield and of a slope, for derivatives [1]
-HARDLY = 1.02  # sum of squares that fewer sliders leave at most, over that of all of the grid [1]
+HARDLY = 1.02  # sum of squares that fewer sliders leave at most, over that of all of the grid; assumed [1]
 ROUNDS = 30  # of the search for yields
-ROWS = 6000  # samples by which sliders are counted
+MATTERS = 0.05  # of the level: a smaller slider that yields late is not told; assumed [1]
+ROWS = 6000  # samples by which sliders are counted, about; assumed
 
 # Of the search for the Stribeck curve and the lag of sliders that have them:
 YIELDS = 8  # on which it begins
 TRIES = 20  # steps
 LARGEST = 4.0  # relative excess of break-away; assumed [1]
 REACH = 6.0  # of the logarithms of Stribeck speed and C about the record's own scales [1]
-SMALL = 0.003  # RMS that sliders without a Stribeck effect leave beside white noise, of the level, which calls for none
+SMALL = 0.003  # of the level, that sliders leave beside white noise: less calls for no Stribeck effect; assumed [1]
 
 Slider = Callable[[float, float], NDArray[np.float64]]  # yield, slope -> torque (T,) of an element of unit level [1]
 
@@ -129,10 +130,9 @@ class _Regression(NamedTuple):
         both = np.column_stack([speed, self.problem.columns]) if self.viscous else self.problem.columns
         return both[self._rows]
 
-    def solved(self, y: NDArray, slope: NDArray, columns: NDArray | None = None) -> Elements:
+    def solved(self, y: NDArray, slope: NDArray) -> Elements:
         """Levels and factors that leave least, of sliders with these yields and slopes."""
-        own = self.columns(y, slope) if columns is None else columns
-        A = np.column_stack([own, self.others()])
+        A = np.column_stack([self.columns(y, slope), self.others()])
         p = not_negative_factors(A, self.T, y.size + self.viscous)
         used = np.flatnonzero(p[: y.size])
         return Elements(p[used], y[used], slope[used], p[y.size :], float(np.sum((A @ p - self.T) ** 2)), np.empty(0))
@@ -159,7 +159,7 @@ class _Regression(NamedTuple):
             here = self.columns(*parts(q))
             A = np.column_stack([here, others])
             F = not_negative_factors(A, self.T, N + self.viscous)
-            steps = np.where(q[: N if not sloped else 2 * N] < 0.5, STEP, -STEP)
+            steps = np.where(q < 0.5, STEP, -STEP)  # of slopes away from their ends; of yields either will do
             there = [self.columns(*parts(q + np.r_[steps[:N], 0.0 * steps[N:]]))]
             there += [self.columns(*parts(q + np.r_[0.0 * steps[:N], steps[N:]]))] if sloped else []
             D = np.column_stack([(each - here) * F[:N] for each in there]) / steps
@@ -262,14 +262,18 @@ def not_negative_factors(A: NDArray, T: NDArray, n: int) -> NDArray[np.float64]:
     return np.append(F[:n], factors)
 
 
+def yields_late(problem: Problem, F: NDArray, y: NDArray) -> bool:
+    """Whether a slider that matters yields at the end of the search only, so that its level may be larger."""
+    return bool(np.any((2.0 * y > 0.99 * np.ptp(stroke_of(problem))) & (F > MATTERS * np.sum(F))))
+
+
 def at_ends(problem: Problem, F: NDArray, y: NDArray) -> list[str]:
-    """What is told where the largest slider yields at an end of the search, in whole sentences."""
-    low, high = stroke_of(problem)
-    share = 2.0 * float(y[np.argmax(F)]) / float(high - low)
-    if share < 1.01 * LEAST:
-        return [
-            "the largest slider has the least yield of the search: it may yield earlier; sample faster, or move slower"
-        ]
-    if share > 0.99:
-        return ["the largest slider has the largest yield of the search: it may yield later; record longer strokes"]
-    return []
+    """What is told of sliders that yield at an end of the search, in whole sentences."""
+    texts = []
+    if 2.0 * y[np.argmax(F)] < 1.01 * LEAST * np.ptp(stroke_of(problem)):
+        end = "the largest slider has the least yield of the search"
+        texts.append(f"{end}: it may yield earlier; sample faster, or move slower")
+    if yields_late(problem, F, y):
+        end = "a slider has the largest yield of the search"
+        texts.append(f"{end}: it may yield later, and F_c is a lower bound; record longer strokes")
+    return texts

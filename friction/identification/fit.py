@@ -19,7 +19,7 @@ from steer_env.friction.identification.determined import (
     widths,
 )
 from steer_env.friction.identification.displacement import BAND, deviation_of, motion_of
-from steer_env.friction.identification.elements import at_ends, elements_of, stroke_of
+from steer_env.friction.identification.elements import at_ends, elements_of, stroke_of, yields_late
 from steer_env.friction.identification.position import FITTED, NAMES, Position, with_position
 from steer_env.friction.identification.position import joint as joint_with_position
 from steer_env.friction.identification.position import told as told_of_position
@@ -66,7 +66,6 @@ class Fit(NamedTuple):
     explained: float = 0.0  # share of the variance of the weighed torque [1]
     inertia: float = 0.0  # that the torque sensor moves along, given or estimated [kg m2]
     limits: Mapping[str, tuple[bool, bool]] = {}  # name -> whether the low and the high end are bounds of the law
-
     sliders: tuple[Slider, ...] = ()  # in parallel
     saturated: tuple[float, float, float] = (math.nan, math.nan, math.nan)  # far one way, and its interval [N m]
     asymmetry: tuple[float, float, float] = (
@@ -342,10 +341,12 @@ def _told(
         scale = scales.of(law.units[name])
         intervals[name] = low * scale, high * scale
     sliders: tuple[Slider, ...] = ()
+    saturates = branches.saturates
     if estimate.space.sliders:
         level, curve, sliders = _slid(problem, estimate, scales)
-        intervals |= {"F_c": level, "virgin_torque": curve}
-    if "F_c" in intervals and not branches.saturates:
+        intervals |= {"virgin_torque": curve} | ({} if "F_c" in estimate.space.held else {"F_c": level})
+        saturates = saturates and not yields_late(problem, *estimate.slid[:2])
+    if "F_c" in intervals and not saturates:
         intervals["F_c"] = intervals["F_c"][0], math.inf
     intervals, limits = within_law(law, parameters, intervals, estimate.space.tied)
     e = estimate.optimum.residual * scales.torque  # (F12)
@@ -373,7 +374,7 @@ def _told(
         inertia=factors.get("inertia", 0.0) * scales.time**2 / scales.displacement + (ready.inertia or 0.0),
         limits=limits,
         sliders=sliders,
-        saturated=_saturated(ready, law, problem, estimate),
+        saturated=_saturated(ready, law, problem, estimate, saturates),
     )
     result = result._replace(
         asymmetry=(math.nan,) * 3 if branches.one_way else _asymmetry(ready, problem, estimate, result),
@@ -443,7 +444,9 @@ def _slid(
     return (total * math.exp(-half[0]), total * math.exp(half[0])), (low, high), tuple(sliders)
 
 
-def _saturated(ready: Prepared, law: Law, problem: Problem, estimate: Estimate) -> tuple[float, float, float]:
+def _saturated(
+    ready: Prepared, law: Law, problem: Problem, estimate: Estimate, saturates: bool
+) -> tuple[float, float, float]:
     """Friction after a long way one way at the record's median speed, and its interval by the delta method [N m].
 
     It has the scatter of the parameters (F37), also of those that are not determined one by one: parts of a law side
@@ -465,4 +468,4 @@ def _saturated(ready: Prepared, law: Law, problem: Problem, estimate: Estimate) 
     half = float(widths(problem, estimate, row)[0])
     low, high = max(value - half, 0.0), value + half
     torque = ready.scales.torque
-    return value * torque, low * torque, high * torque if ready.branches.saturates else math.inf
+    return value * torque, low * torque, high * torque if saturates else math.inf

@@ -166,10 +166,8 @@ class Space(NamedTuple):
     @property
     def highest(self) -> NDArray[np.float64]:
         """Largest values of the coordinates (n,)."""
-        latest = (
-            0.0 if self.stroke is None else math.log(0.5 * np.ptp(self.stroke))
-        )  # later than in the stroke none yields
-        return self._ends([s.highest for s in self.sought], [REACH, latest, 1.0])
+        last = REACH if self.stroke is None else math.log(0.5 * np.ptp(self.stroke))  # yield that a stroke shows
+        return self._ends([s.highest for s in self.sought], [REACH, last, 1.0])
 
     def _ends(self, sought: list[float], of_slider: list[float]) -> NDArray[np.float64]:
         return np.append(sought, np.repeat(of_slider[: 2 + self.sloped], self.sliders))

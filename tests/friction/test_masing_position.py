@@ -98,6 +98,7 @@ def test_yields_at_the_end_of_the_grid_are_told():
         p = friction.make("masing_position", k=[40.0, 20.0], y=[0.004, y])
         found = friction.fit(LOOPS, friction.response(p, LOOPS, DT) + noise(0, LOOPS.size), "masing_position", dt=DT)
         assert sum("the largest yield of the search" in text for text in found.warnings) == expected
+        assert (found.intervals["F_c"][1] == np.inf) == bool(expected)
 
 
 @pytest.mark.parametrize("displacement", ["measured", "mean period"])
