@@ -1,11 +1,12 @@
-"""Boost, motor damping and friction of a car, found by driving its column and chassis through a drive.
+"""Boost, motor damping and friction of a car, found by driving its column and chassis through drives.
 
     B(T) = s max(|T| - T_d, 0) sgn(T)                                                       (H3)
 
 is the boost that replaces the table of the car: gradient s beyond a dead band T_d of the torsion-bar torque. With the
-factor D on the motor damping, the level F_c and the pre-sliding distance x_c of the friction at the column, and the
-offset T_0 of the torque, which is added to that of the car, it is fitted by least squares to the part of the drive that
-does not judge. The car follows handwheel angle and speed; the torque of the drive is only compared.
+factor D on the motor damping, and the level F_c and the pre-sliding distance x_c of the friction at the column, it is
+fitted by least squares to the parts of the drives that do not judge. The car follows handwheel angle and speed, and the
+bank of (H2), whose b is fitted for each drive in which the speed varies, pulls at its centre of gravity; the torque of a drive is only compared,
+less the offset T_0 that leaves least, which is added to that of the car.
 
 Rack force, ratio and everything else are those of the car, so that a car with twice the rack force has twice 1 + s.
 
@@ -18,7 +19,7 @@ inverse of their covariance, which is that of the residuals of a first fit.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -32,13 +33,14 @@ from steer_env import friction
 from steer_env.friction.numerics.thread_pool import one_blas_thread
 from steer_env.hand_torque import Drive, Identified
 from steer_env.hand_torque.drive import TORQUES as RECORDED
-from steer_env.hand_torque.fit import X_C, Sums, blocks, interval_of, redrawn, sums_of, widened
-from steer_env.hand_torque.model import RATE, has_distance, stretched
+from steer_env.hand_torque.drive import SLOWEST
+from steer_env.hand_torque.fit import X_C, blocks, interval_of, redrawn, widened
+from steer_env.hand_torque.model import RATE, bends, has_distance, stretched
 from steer_env.manoeuvres import Manoeuvre
-from steer_env.manoeuvres.common.driving import OpenLoop, build_plant, drive_plant, open_loop
+from steer_env.manoeuvres.common.driving import build_plant, drive_plant, open_loop
 from steer_env.manoeuvres.common.shapes import ramp_and_hold
 from steer_env.vehicle import cars
-from steer_env.vehicle.chassis.common.interface import SPEED_MAX, SPEED_MIN, TARGET_SPEED
+from steer_env.vehicle.chassis.common.interface import SPEED_MAX, TARGET_SPEED, WIND_FORCE
 from steer_env.vehicle.plant import Plant
 from steer_env.vehicle.steering import eps
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
@@ -53,13 +55,13 @@ ROUNDS = 25  # of least squares, at most
 PASSES = 2  # of least squares where several torques are compared, the second with the covariance of the first
 SETTLED = 1e-3  # least deviation of a torque that a covariance knows, assumed [N m]
 LEVEL_MIN = 1e-3  # of a law, which has no level of zero [N m]
-OFFSETS = {"handwheel_torque": "T_0", "torsion_bar_torque": "T_0b", "motor_torque": "T_0m"}  # torque -> its offset
-# What the intervals of two levels add: for a boost that is not (H3), which moves one level against the other, and for
-# noise of the angle, which takes away from friction that builds up at once; both as drives of known friction show.
+# What the intervals of levels add: of two, for a boost that is not (H3), which moves one level against the other; and
+# for noise of the angle, which takes away from friction that builds up at once. Both as drives of known friction show.
 MISFIT, LOST = 0.05, 0.2  # [N m], [1]
 NO_LAW = "no dry law was fitted, so that nothing is told of friction above the torsion bar or below it"
-ADDED = {"F_u", "x_u", *OFFSETS.values()}  # terms with which the car moves alike
-FEWEST = {"fitted": 45.0, "judging": 10.0}  # seconds of either part that must be compared, assumed [s]
+VARIED = 0.05  # deviation of the speed over its mean from which on the bank is told from the car's lag, assumed [1]
+ADDED = {"F_u", "x_u"}  # terms with which the car moves alike
+FEWEST = {"fitted": 45.0, "judging": 10.0}  # seconds of either part of a drive that must be compared, assumed [s]
 
 
 class Term(NamedTuple):
@@ -79,11 +81,9 @@ TERMS = {
     "D": Term(1.0, 0.0, 20.0, 0.05, "1", "factor on the motor damping"),
     "F_c": Term(0.5, 0.0, 6.0, 0.02, "N m", "level of the friction at the column, below the torsion bar"),
     "x_c": Term(math.radians(0.3), X_C[0], X_C[-1], 4e-4, "rad", "its pre-sliding distance"),
-    "T_0": Term(0.0, -math.inf, math.inf, 0.05, "N m", "offset of sensor and road"),
     "F_u": Term(0.1, 0.0, 6.0, 0.02, "N m", "level of the friction above the torsion bar"),
     "x_u": Term(math.radians(0.3), X_C[0], X_C[-1], 4e-4, "rad", "its pre-sliding distance"),
-    "T_0b": Term(0.0, -math.inf, math.inf, 0.05, "N m", "offset of the torsion bar's torque"),
-    "T_0m": Term(0.0, -math.inf, math.inf, 0.05, "N m", "offset of the motor's torque"),
+    "b": Term(100.0, 0.0, 1500.0, 10.0, "m2/s2", "square of the speed at which the bank leads the car through bends"),
     "n": Term(1.0, 0.0, 10.0, 0.02, "1", "factor on the pneumatic trail, and so on most of the rack force"),
 }
 
@@ -94,8 +94,9 @@ class ColumnFit(NamedTuple):
     car: cars.Car
     friction: Any  # parameters of the law at its column, or sites; without a dry law viscous friction of zero
     speed: float  # at which the boost is that of the terms, the mean of the fitted part [m/s]
-    terms: Mapping[str, float]  # of ``TERMS``
+    terms: Mapping[str, float]  # of ``TERMS``; b of a second drive is b2
     intervals: Mapping[str, tuple[float, float]]  # 95 %, from blocks drawn anew about the linearised car
+    offsets: tuple[Mapping[str, float], ...]  # of each drive, by its torque, T_0 first [N m]
     residual: float  # root mean square that is left of the hand torque, or the bar's, that was not fitted [N m]
     adds: float  # by how much it leaves less than the same car fitted without dry friction [N m]
     adds_interval: tuple[float, float]  # 95 % [N m]
@@ -111,7 +112,7 @@ class ColumnFit(NamedTuple):
 def fit_column(
     found: Identified, base: cars.Car, seed: int = 0, notify: Callable[[float, str], None] = lambda part, text: None
 ) -> ColumnFit:
-    """Fit boost, motor damping and friction of a car to a drive, with the law that leaves least of its fitted part.
+    """Fit boost, motor damping and friction of a car to drives, with the law that leaves least of their fitted parts.
 
     Parameters
     ----------
@@ -130,32 +131,40 @@ def fit_column(
         If the car cannot be driven through the drive, for example as its assist loop is unstable, or if too little of a
         part can be compared.
     """
-    d, law = found.drive, found.best.name if found.dry else None
-    car = cars.load(base.data(), {"steering.friction_load": 0.0})  # the level is that of the whole drive
-    early = slice(max(found.first - round(LONGEST * RATE), 0), found.first)
-    late = slice(max(found.first - round(RUN_IN * RATE), 0), found.first + round(LONGEST * RATE))
-    for name, part in (("fitted", early), ("judging", late)):
-        if (seconds := _used(d, part).sum() / RATE) < FEWEST[name]:
-            raise ValueError(
-                f"{seconds:.3g} s of the {name} part can be compared with a car, and {FEWEST[name]:g} s are needed"
-            )
-    if (fastest := d.speed.max()) > SPEED_MAX:
+    drives, law = found.drives, found.best.name if found.dry else None
+    car = cars.load(base.data(), {"steering.friction_load": 0.0})  # the level is that of whole drives
+    early = [slice(max(first - round(LONGEST * RATE), 0), first) for first in found.firsts]
+    late = [slice(max(first - round(RUN_IN * RATE), 0), first + round(LONGEST * RATE)) for first in found.firsts]
+    for name, parts in (("fitted", early), ("judging", late)):
+        for d, part in zip(drives, parts):
+            if (seconds := _used(d, part).sum() / RATE) < FEWEST[name]:
+                raise ValueError(
+                    f"{seconds:.3g} s of the {name} part can be compared with a car, and {FEWEST[name]:g} s are needed"
+                )
+    if (fastest := max(d.speed.max() for d in drives)) > SPEED_MAX:
         raise ValueError(f"the drive reaches {3.6 * fastest:.4g} km/h, and cars drive up to {3.6 * SPEED_MAX:.4g}")
-    speed = float(d.speed[early][_used(d, early)].mean())
+    if len({tuple(_compared(d)) for d in drives}) > 1:
+        raise ValueError("the drives have other torques, and a car is fitted to drives with the same ones")
+    speed = float(np.concatenate([d.speed[part][_used(d, part)] for d, part in zip(drives, early)]).mean())
     squares: dict[str | None, Array] = {}
     terms: dict[str, float] = {}
     limited: list[str] = []
+    offsets: list[Array] = []
     with one_blas_thread():
         for each in dict.fromkeys((None, law)):
             notify(0.3 * len(squares), f"column and chassis with {each or 'no dry friction'}")
-            terms, intervals = _fitted(_part(car, d, early, speed, each), terms, seed)
+            ways = [_part(car, d, part, i, speed, each) for i, (d, part) in enumerate(zip(drives, early))]
+            terms, intervals = _fitted(ways, terms, seed)
             limited += _at_limits({name: terms[name] for name in terms if intervals[name] != (X_C[0], X_C[-1])})
-            squares[each] = _errors(_part(car, d, late, speed, each), terms)[:, 0] ** 2
+            offsets = [-_errors(way, terms).mean(axis=0) for way in ways]
+            unseen = [_part(car, d, part, i, speed, each) for i, (d, part) in enumerate(zip(drives, late))]
+            left = [(_errors(way, terms) + offset)[:, 0] ** 2 for way, offset in zip(unseen, offsets)]
+            squares[each] = np.concatenate(left)
     block = blocks(squares[None].size)
     times = redrawn(int(block.max()) + 1, seed)
     size = times @ np.bincount(block)
     drawn = {each: np.sqrt(times @ np.bincount(block, of) / size) for each, of in squares.items()}
-    left = {each: float(np.sqrt(of.mean())) for each, of in squares.items()}
+    residual = {each: float(np.sqrt(of.mean())) for each, of in squares.items()}
     assist = {f"assist.{key}": value for key, value in changes(car, terms, speed).items()}
     sites = {"lower_column": _below(law, terms), "upper_column": _above(law, terms)}
     return ColumnFit(
@@ -164,11 +173,12 @@ def fit_column(
         speed,
         terms,
         intervals,
-        left[law],
-        left[None] - left[law],
+        tuple(dict(zip(_compared(d), map(float, each))) for d, each in zip(drives, offsets)),
+        residual[law],
+        residual[None] - residual[law],
         interval_of(drawn[None] - drawn[law]),
         tuple(dict.fromkeys(limited)),
-        one_site(d) or ("" if law else NO_LAW),
+        one_site(drives[0]) or ("" if law else NO_LAW),
     )
 
 
@@ -213,18 +223,25 @@ class _Part(NamedTuple):
 
     car: cars.Car
     law: str | None  # None: no dry friction
+    balance: str  # name of its b among the terms; empty where the speed hardly varies, and the road is taken as level
     plant: Plant  # of the car, with its own assist
     manoeuvre: Manoeuvre
-    course: OpenLoop
+    bends: Array  # (T,) kappa_s of (H2) [1/m]
     speed: float  # of the boost (H3) [m/s]
     time: Array  # (T,) from its start [s]
     torques: Mapping[str, Array]  # channel of the car -> (T,) measured, that of the hands or the bar first [N m]
-    offsets: Mapping[str, str]  # channel of the car -> the offset of its torque, among ``TERMS``
     used: NDArray[np.bool_]  # (T,) that are compared
 
 
-def _part(car: cars.Car, d: Drive, part: slice, boosted: float, law: str | None) -> _Part:
-    time, speed = d.time[part] - d.time[part.start], np.clip(d.speed[part], SPEED_MIN, SPEED_MAX)
+def _compared(d: Drive) -> dict[str, Array]:
+    """The torques of a drive with which a car is compared, (T,) each [N m]."""
+    if one_site(d):
+        return {"torsion_bar_torque": d.torque}
+    return {name: d.torques[name] for name in RECORDED if name in d.torques}
+
+
+def _part(car: cars.Car, d: Drive, part: slice, i: int, boosted: float, law: str | None) -> _Part:
+    time, speed = d.time[part] - d.time[part.start], np.clip(d.speed[part], SLOWEST, SPEED_MAX)
     curve = CubicSpline(time, d.angle[part])
 
     def hand(t: Array, amplitude: float) -> tuple[Array, Array]:
@@ -243,13 +260,10 @@ def _part(car: cars.Car, d: Drive, part: slice, boosted: float, law: str | None)
         others={TARGET_SPEED: lambda t: np.interp(t, time, speed) - speed[0]},
     )
     p = build_plant(car, manoeuvre, _below(law, {name: term.start for name, term in TERMS.items()}))
-    torques, offsets = {"torsion_bar_torque": d.torque}, {"torsion_bar_torque": "T_0"}
-    if not one_site(d):
-        torques = {name: d.torques[name] for name in RECORDED if name in d.torques}
-        offsets = {name: OFFSETS[name] for name in torques}
-    measured = {name: values[part] for name, values in torques.items()}
-    course = open_loop(p, manoeuvre)
-    return _Part(car, law, p, manoeuvre, course, boosted, time, measured, offsets, _used(d, part))
+    measured = {name: values[part] for name, values in _compared(d).items()}
+    kappa = bends(d.prior, d.angle, d.speed, d.dt)[part]
+    name = ("b" if i == 0 else f"b{i + 1}") if np.std(d.speed) > VARIED * np.mean(d.speed) else ""
+    return _Part(car, law, name, p, manoeuvre, kappa, boosted, time, measured, _used(d, part))
 
 
 def _used(d: Drive, part: slice) -> NDArray[np.bool_]:
@@ -288,56 +302,68 @@ def _driven(part: _Part, terms: Mapping[str, float]) -> Mapping[str, Array]:
     if "n" in terms:
         own = build_plant(_with_trail(part.car, terms["n"]), part.manoeuvre, own.friction)
     own = own._replace(assist=assist, friction=_below(part.law, terms))
-    return drive_plant(part.car, own, part.manoeuvre, part.course).channels
+    pull = terms.get(part.balance, 0.0) * part.bends * part.car.chassis["mass"]  # of (H2), to the inside of the bend
+    banked = replace(
+        part.manoeuvre, others={**part.manoeuvre.others, WIND_FORCE: lambda t: np.interp(t, part.time, pull)}
+    )
+    return drive_plant(part.car, own, banked, open_loop(own, banked)).channels
 
 
-def _errors(
-    part: _Part,
-    terms: Mapping[str, float],
-    driven: Callable[[_Part, Mapping[str, float]], Mapping[str, Array]] = _driven,
-) -> Array:
-    """Torques of the car less the measured ones, with their offsets, where they are compared (T, channels) [N m]."""
-    made = driven(part, terms)
+def _errors(part: _Part, terms: Mapping[str, float], made: Mapping[str, Array] | None = None) -> Array:
+    """Torques of the car less the measured ones, where they are compared (T, channels) [N m]."""
+    made = _driven(part, terms) if made is None else made
     angle, added = made["handwheel_angle"], {}
     if "F_u" in terms:  # a handwheel that is led feels it, and nothing below does (F43)
         added["handwheel_torque"] = friction.response(_above(part.law, terms), angle, SAMPLE_TIME)
     time = SAMPLE_TIME * np.arange(1.0, angle.size + 1.0)
     errors = [
-        np.interp(part.time, time, made[name] + added.get(name, 0.0)) + terms[part.offsets[name]] - measured
+        np.interp(part.time, time, made[name] + added.get(name, 0.0)) - measured
         for name, measured in part.torques.items()
     ]
     return np.column_stack(errors)[part.used]
 
 
-def _terms_of(part: _Part) -> list[str]:
-    """Names of the terms that are fitted to a part."""
-    lacks = {*OFFSETS.values()} - {*part.offsets.values()}
-    lacks |= set() if "motor_torque" in part.torques else {"n"}
+def term_of(name: str) -> Term:
+    """What is known of a term; each drive has a b of its own."""
+    return TERMS["b" if name.startswith("b") else name]
+
+
+def _terms_of(parts: Sequence[_Part]) -> list[str]:
+    """Names of the terms that are fitted to parts of drives."""
+    part = parts[0]
+    lacks = set() if "motor_torque" in part.torques else {"n"}
     lacks |= set() if "handwheel_torque" in part.torques else {"F_u", "x_u"}
     lacks |= {"F_c", "x_c", "F_u", "x_u"} if part.law is None else set()
     lacks |= set() if part.law is None or has_distance(part.law) else {"x_c", "x_u"}
-    return [name for name in TERMS if name not in lacks]
+    names = [name for name in TERMS if name not in lacks and name != "b"]
+    return names + [each.balance for each in parts if each.balance]
 
 
 def _fitted(
-    part: _Part, start: Mapping[str, float], seed: int
+    parts: Sequence[_Part], start: Mapping[str, float], seed: int
 ) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
-    """Terms that leave least of a part, and their intervals."""
-    names = _terms_of(part)
-    least, largest, step = (np.array([TERMS[name][i] for name in names]) for i in (1, 2, 3))
-    white = np.diag([1.0 / np.std(each[part.used]) for each in part.torques.values()])  # (channels, channels)
-    bad = np.tile(10.0 * white @ [np.ptp(each) for each in part.torques.values()], part.used.sum())
+    """Terms that leave least of parts of drives, each with the offsets that leave least, and their intervals."""
+    names, channels = _terms_of(parts), len(parts[0].torques)
+    least, largest, step = (np.array([term_of(name)[i] for name in names]) for i in (1, 2, 3))
+    measured = [np.column_stack([each[part.used] for each in part.torques.values()]) for part in parts]
+    white = np.diag(1.0 / np.std(np.concatenate([each - each.mean(axis=0) for each in measured]), axis=0))
+    bad = np.concatenate([np.tile(10.0 * white @ np.ptp(each, axis=0), len(each)) for each in measured])
 
-    @lru_cache(maxsize=2 * len(names))  # of what is the same for terms that only add to a torque
-    def moved(*moving: tuple[str, float]) -> Mapping[str, Array]:
-        return _driven(part, dict(moving))
+    @lru_cache(maxsize=2 * len(names) * len(parts))  # of what is the same for terms that only add to a torque
+    def moved(i: int, *moving: tuple[str, float]) -> Mapping[str, Array]:
+        return _driven(parts[i], dict(moving))
 
-    def errors(x: Array) -> Array:
+    def errors(x: Array) -> list[Array]:
         terms = dict(zip(names, map(float, x)))
-        return _errors(part, terms, lambda _, given: moved(*(each for each in given.items() if each[0] not in ADDED)))
+        found = []
+        for i, part in enumerate(parts):
+            alike = ADDED | {each.balance for each in parts if each is not part}
+            moving = [each for each in terms.items() if each[0] not in alike]
+            found.append(_errors(part, terms, moved(i, *moving)))
+        return [each - each.mean(axis=0) for each in found]
 
     def error(x: Array) -> Array:
-        return (errors(x) @ white.T).ravel()
+        return np.concatenate([(each @ white.T).ravel() for each in errors(x)])
 
     def tried(x: Array) -> Array:
         try:
@@ -355,47 +381,56 @@ def _fitted(
         here = error(x)
         return np.column_stack([slope(x, here, h) for h in np.diag(np.where(x + step < largest, step, -step))])
 
-    x = np.array([start.get(name, TERMS[name].start) for name in names])
+    x = np.array([start.get(name, term_of(name).start) for name in names])
     error(x)  # tells why the car cannot be driven
-    for k in range(PASSES if len(part.torques) > 1 else 1):
+    for k in range(PASSES if channels > 1 else 1):
         if k:
-            left = errors(x)
-            covariance = left.T @ left / len(left) + SETTLED**2 * np.eye(left.shape[1])
+            left = np.concatenate(errors(x))
+            covariance = left.T @ left / len(left) + SETTLED**2 * np.eye(channels)
             white = np.linalg.inv(np.linalg.cholesky(covariance))
         best = least_squares(tried, x, slopes, (least, largest), x_scale=20.0 * step, ftol=1e-4, max_nfev=ROUNDS)
         x = best.x
-    block = np.repeat(blocks(part.used.sum()), len(part.torques))
-    of = sums_of(best.jac, best.fun, np.ones(best.fun.size), block)
-    count = len(of.n)
-    rows = count * len(part.torques)
-    wide = widened(rows, max(rows - len(names), 1))
+    own, block = 0, []
+    for part in parts:
+        each = blocks(part.used.sum())
+        block.append(np.repeat(own + each, channels))
+        own += int(each.max()) + 1
+    of = _sums_of(best.jac, best.fun, np.concatenate(block))
+    rows = own * channels
+    wide = widened(rows, max(rows - len(names) - channels * len(parts), 1))
     bounds = (least - x) / step, (largest - x) / step
-    draws = wide * step * np.array([_least(n, of, step, bounds) for n in redrawn(count, seed)])
+    draws = wide * step * np.array([_least(n, of, step, bounds) for n in redrawn(own, seed)])
     ends = np.clip(x + np.array([interval_of(values) for values in draws.T]).T, least, largest)
     low, high = np.minimum(ends[0], x), np.maximum(ends[1], x)
     terms = dict(zip(names, map(float, x)))
     intervals = {name: (float(a), float(b)) for name, a, b in zip(names, low, high)}
-    if len(part.torques) > 1:
-        intervals |= {level: _held(terms[level], *intervals[level]) for level in ("F_c", "F_u") if level in terms}
+    misfit = MISFIT if channels > 1 else 0.0
+    intervals |= {level: _held(terms[level], *intervals[level], misfit) for level in ("F_c", "F_u") if level in terms}
     for level, distance in (("F_c", "x_c"), ("F_u", "x_u")):
         if distance in intervals and not intervals[level][0] > 0.0:  # of no friction, nothing tells the distance
             intervals[distance] = (X_C[0], X_C[-1])
     return terms, intervals
 
 
-def _held(value: float, low: float, high: float) -> tuple[float, float]:
-    """The interval of one of two levels, from that of its blocks, with ``MISFIT`` and ``LOST`` [N m]."""
-    below, above = math.hypot(value - low, MISFIT), math.hypot(high - value, MISFIT, LOST * value)
+def _held(value: float, low: float, high: float, misfit: float) -> tuple[float, float]:
+    """The interval of a level, from that of its blocks, with a misfit [N m] and ``LOST``."""
+    below, above = math.hypot(value - low, misfit), math.hypot(high - value, misfit, LOST * value)
     return max(value - below, 0.0), value + above
 
 
-def _least(times: Array, of: Sums, step: Array, bounds: tuple[Array, Array]) -> Array:
+def _sums_of(J: Array, e: Array, block: NDArray[np.int64]) -> tuple[Array, Array]:
+    """Sums by block of products of slopes (n, m) with slopes, (B, m, m), and with errors (n,), (B, m)."""
+    parts = [(J[block == b], e[block == b]) for b in range(int(block.max()) + 1)]
+    return np.array([K.T @ K for K, _ in parts]), np.array([K.T @ r for K, r in parts])
+
+
+def _least(times: Array, of: tuple[Array, Array], step: Array, bounds: tuple[Array, Array]) -> Array:
     """Change of the terms, in steps, that leaves least of the linearised car within their bounds.
 
     ``times`` (B,) says how often a block counts. A term at its bound stays there, as it does in the fit, where without
     bounds the others would give way to it.
     """
-    G, h = np.tensordot(times, of.G, 1) * np.outer(step, step), -(times @ of.h) * step
+    G, h = np.tensordot(times, of[0], 1) * np.outer(step, step), -(times @ of[1]) * step
     values, vectors = np.linalg.eigh(G)
     root = np.sqrt(np.maximum(values, 1e-9 * values[-1]))
     changed: Array = lsq_linear(root[:, None] * vectors.T, vectors.T @ h / root, bounds, method="bvls").x
@@ -407,5 +442,5 @@ def _at_limits(terms: Mapping[str, float]) -> list[str]:
     return [
         name
         for name, value in terms.items()
-        if any(end and abs(value - end) < TERMS[name].step for end in (TERMS[name].least, TERMS[name].largest))
+        if any(end and abs(value - end) < term_of(name).step for end in term_of(name)[1:3])
     ]

@@ -1,7 +1,7 @@
-"""Identify hand torque and friction from a free drive, judged on what was not fitted.
+"""Identify hand torque and friction from free drives of one car, judged on what was not fitted.
 
-The drive holds handwheel angle, torque of the torsion bar and speed. Every friction law is fitted in turn. Writes a
-page and a car that was fitted to the drive, with its friction: above the torsion bar and below it where the torque of
+A drive holds handwheel angle, torque of the torsion bar and speed. Every friction law is fitted in turn. Writes a
+page and a car that was fitted to the drives, with its friction: above the torsion bar and below it where the torque of
 the hands was recorded beside that of motor or torsion bar (docs/road_drive.md).
 """
 
@@ -20,8 +20,10 @@ GROUP = "friction"
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     packaged = ", ".join(names.road_drives())
-    text = f"the drive: {packaged} (packaged), or a file: .csv.gz, {names.RECORDED}"
-    parser.add_argument("drive", metavar="DRIVE", help=text)
+    text = (
+        f"a drive: {packaged} (packaged), or a file: .csv.gz, {names.RECORDED}; several of one car are fitted together"
+    )
+    parser.add_argument("drives", metavar="DRIVE", nargs="+", help=text)
     text = (
         f"laws to fit: all dry ones (default), or some of {', '.join(law for law in names.laws() if law != 'viscous')}"
     )
@@ -30,20 +32,22 @@ def add(parser: argparse.ArgumentParser) -> None:
         parser, "for index.html, fit.json, car.toml, friction.json, replaced as a whole", otherwise="steering_NAME"
     )
     options.add_live(parser, "the fitted car with its law")
-    text = "share of the record, its last part, that judges and is not fitted (default: 0.35)"
+    text = "share of each drive, its last part, that judges and is not fitted (default: 0.35)"
     parser.add_argument("--held-out", metavar="SHARE", type=options.real, default=0.35, help=text)
     options.add(parser, "--seed", "of the draws of the intervals", 0)
-    add_reading(parser.add_argument_group("reading"))
+    add_reading(parser.add_argument_group("reading"), every=True)
     car_options.add(parser)
 
 
 def run(args: argparse.Namespace) -> None:
     """Identify, judge and write."""
-    path, name = _place(args.drive, args)
-    require_format([path])
-    check_can([path], args)
-    if len(args.mapping) > 1:
-        raise ValueError(f"{len(args.mapping)} mappings are given for one drive")
+    places = _places(args)
+    require_format([*places])
+    check_can([*places], args)
+    if len(args.mapping) > len(places):
+        raise ValueError(f"{len(args.mapping)} mappings are given for {len(places)} drives")
+    stems = [Path(path).name.partition(".")[0] for path in places]
+    labels = [each if each not in stems[:i] else f"{each}_{stems[: i + 1].count(each)}" for i, each in enumerate(stems)]
 
     from steer_env.experiments.calibration.column_fit import ColumnFit, fit_column
     from steer_env.experiments.cli.common.tables import print_steering
@@ -53,16 +57,21 @@ def run(args: argparse.Namespace) -> None:
     from steer_env.friction.sites import named
     from steer_env.hand_torque import identify, prepared
 
-    out = Path(args.out or f"steering_{name}")
+    out = Path(args.out or f"steering_{'_'.join(labels)}")
     live = options.live(args)
     files.usable(out, steering_fit.contents())
     car = car_options.load(args)
-    drive = prepared(read(path, 0, args))
-    for note in drive.notes:
-        print(f"{args.drive}: {note}")
+    drives = []
+    for place, (path, given) in enumerate(zip(places, args.drives)):
+        try:
+            drives.append(prepared(read(path, place, args)))
+        except ValueError as error:
+            raise ValueError(str(error) if given in str(error) or path in str(error) else f"{given}: {error}") from None
+        for note in drives[-1].notes:
+            print(f"{given}: {note}")
     with progress("fitting") as notify:
-        found = identify(drive, laws=args.law, held_out=args.held_out, seed=args.seed, notify=notify)
-    print_steering(found, name)
+        found = identify(drives, laws=args.law, held_out=args.held_out, seed=args.seed, notify=notify)
+    print_steering(found, labels)
     of_car: ColumnFit | str
     try:
         with progress("fitting the car") as notify:
@@ -79,18 +88,29 @@ def run(args: argparse.Namespace) -> None:
         friction={row.name: row.model.friction for row in found.dry if row.model.friction is not None},
         inputs=inputs.of(args),
         seed=args.seed,
-        mapping=mapping_of(0, args).plain(),
+        mapping={name: mapping_of(place, args).plain() for place, name in enumerate(labels)},
     )
     beside = None
     if live and isinstance(of_car, ColumnFit):
-        beside = live(steering_fit.fitted_car(of_car, name), {named(of_car.friction): of_car.friction})
-    steering_fit.write(out, found, name, of_car, trace, beside)
+        beside = live(steering_fit.fitted_car(of_car, labels), {named(of_car.friction): of_car.friction})
+    steering_fit.write(out, found, labels, of_car, trace, beside)
     print(out / "index.html")
 
 
-def _place(given: str, args: Any) -> tuple[str, str]:
-    """Path of a drive that is packaged, whose mapping is then set, or of a file; and its name."""
-    path = packaged(given, args)
-    if path == given and not Path(given).suffix:
-        raise ValueError(f"{given!r} is no packaged drive ({', '.join(names.road_drives())}) and no file's name")
-    return path, Path(path).name.partition(".")[0]
+def _places(args: argparse.Namespace) -> list[str]:
+    """Paths of the drives, of which packaged ones have their own mappings unless one is given for each drive."""
+    given, found = list(args.mapping), []
+    every = len(given) == len(args.drives)
+    args.mapping = []
+    for name in args.drives:
+        own = argparse.Namespace(mapping=[])
+        path = packaged(name, own)
+        if path == name and not Path(name).suffix:
+            raise ValueError(f"{name!r} is no packaged drive ({', '.join(names.road_drives())}) and no file's name")
+        found.append(path)
+        if every or (given and not own.mapping):
+            args.mapping.append(given.pop(0))
+        else:
+            args.mapping.append(own.mapping[0] if own.mapping else None)
+    args.mapping += given
+    return found

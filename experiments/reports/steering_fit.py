@@ -1,11 +1,11 @@
-"""The page and the files of a hand torque that was identified from a drive (:mod:`steer_env.hand_torque`).
+"""The page and the files of a hand torque that was identified from drives (:mod:`steer_env.hand_torque`).
 
 ``write`` makes ``index.html``, ``fit.json`` with everything, and, where its car can be driven through the drive,
 ``car.toml``, fitted to it, with ``friction.json``, the friction at its column, which ``--friction`` takes.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from steer_env import friction
-from steer_env.experiments.calibration.column_fit import LONGEST, RUN_IN, TERMS, ColumnFit
+from steer_env.experiments.calibration.column_fit import LONGEST, RUN_IN, ColumnFit, term_of
 from steer_env.experiments.pages.files import replaced_directory
 from steer_env.experiments.pages.pages import LIVE, Beside, Page, image, place
 from steer_env.experiments.pages.plots import thinned
@@ -22,15 +22,15 @@ from steer_env.experiments.reports.friction_fit_page import LAW_TITLES
 from steer_env.friction.fitted_file import UNITS as LAW_UNITS
 from steer_env.hand_torque import Identified
 from steer_env.hand_torque.drive import FEWEST
-from steer_env.hand_torque.fit import NONE, VISCOUS, Fitted, at_ends
-from steer_env.hand_torque.model import MAPS, RATE, UNITS, on_samples
+from steer_env.hand_torque.fit import NONE, QUANTITIES, VISCOUS, Fitted, at_ends
+from steer_env.hand_torque.model import BEND, RATE, UNITS, on_samples
 from steer_env.metrics.common.just_noticeable import LEAST, SHARE
 from steer_env.vehicle import cars
 
 ROWS = 10  # of the first table
 SECONDS = 30.0  # of the judging part that are drawn over time [s]
 POINTS = 1500  # of a picture, at most
-TITLES = {NONE: "no damping, no friction", VISCOUS: "damping alone (viscous)"}
+TITLES = {NONE: "no damping, no friction", VISCOUS: "damping and tyres alone"}
 NOTICED = SHARE * LEAST["N m"]  # smallest difference of a sustained torque that is known to be noticed [N m]
 SITES = {"F_u": "above", "F_c": "below"}  # level -> where its friction is, by the torsion bar
 PRIOR = ("ratio", "wheelbase", "understeer")  # of (H2), not determined
@@ -41,6 +41,7 @@ class Term(NamedTuple):
 
     name: str
     value: float  # [unit]
+    interval: tuple[float, float]  # 95 % [unit]
     unit: str
     meaning: str
 
@@ -49,10 +50,18 @@ MEANINGS = {
     "T_0": "offset of sensor and road",
     "k": "gradient over lateral acceleration, left over by the assist",
     "T_c": "steep part on centre",
-    "k_3": "cubic part",
+    "k_w": "weight on inclined king-pins",
+    "k_s": "tyres that are turned as they roll",
     "C": "damping, of the assist too",
     "I": "inertia",
 }
+
+
+def notes_of(found: Identified, names: Sequence[str]) -> list[str]:
+    """What is told of the drives, with their names where there are several."""
+    if len(names) == 1:
+        return list(found.drive.notes)
+    return [f"{name}: {note}" for name, d in zip(names, found.drives) for note in d.notes]
 
 
 def contents() -> frozenset[str]:
@@ -65,10 +74,26 @@ def title(name: str) -> str:
     return {**LAW_TITLES, **TITLES}.get(name, name.replace("_", " "))
 
 
-def rms(found: Identified) -> float:
-    """Root mean square of the torque of the judging part about its mean [N m]."""
-    d = found.drive
-    return float(np.std(d.torque[found.first :][d.weight[found.first :] > 0.0]))
+def about_zero(found: Identified) -> float:
+    """Root mean square of the torque of the drives about zero [N m]."""
+    return float(np.sqrt(np.mean(np.concatenate([d.torque[d.weight > 0.0] for d in found.drives]) ** 2)))
+
+
+def seconds(found: Identified) -> tuple[float, float]:
+    """What is fitted and what judges, of all drives [s]."""
+    pairs = [
+        (d.weight[:first].sum() * d.dt, d.weight[first:].sum() * d.dt) for d, first in zip(found.drives, found.firsts)
+    ]
+    return tuple(map(float, np.sum(pairs, axis=0)))  # type: ignore[return-value]
+
+
+def agreements(found: Identified) -> dict[str, tuple[tuple[tuple[float, float], ...], str]]:
+    """Quantity -> its interval by each drive, and its unit, for drives of one car."""
+    units = {**{name: UNITS[name] for name in found.best.model.terms if name != "T_0"}, "level": UNITS["level"]}
+    told = {name: (found.agreement(name), unit) for name, unit in units.items() if name != "level" or found.dry}
+    if found.dry and math.isfinite(found.best.x_c):
+        told["x_c"] = tuple((math.degrees(a), math.degrees(b)) for a, b in found.agreement("x_c")), "deg"
+    return told
 
 
 def first_rows(found: Identified) -> list[Fitted]:
@@ -85,45 +110,69 @@ def law_file(fit: ColumnFit, law: str) -> dict[str, Any]:
         "level": None,
         "interval_of_level": list(fit.intervals.get("F_c", (0.0, 0.0))),
         "undetermined": [],
-        "notes": [f"{law} friction at the column of car.toml beside this file, identified with it from one drive"],
+        "notes": [f"{law} friction at the column of car.toml beside this file, identified with it"],
     }
 
 
-def fitted_car(fit: ColumnFit, name: str) -> cars.Car:
+def fitted_car(fit: ColumnFit, names: Sequence[str]) -> cars.Car:
     """The fitted car with its name and where it comes from."""
-    base = fit.car
+    base, name = fit.car, "_".join(names)
     trail = ", the pneumatic trail" if "n" in fit.terms else ""
     return base._replace(
         name=f"{base.name}_{name}",
-        description=f"{base.name}, with boost, motor damping{trail} and friction identified from the drive {name}",
-        source=f"identified from the drive {name}: assist.boost, assist.damping{trail} and the friction in "
+        description=f"{base.name}, with boost, motor damping{trail} and friction identified from {' and '.join(names)}",
+        source=f"identified from {' and '.join(names)}: assist.boost, assist.damping{trail} and the friction in "
         "friction.json beside this file, with steering.friction_load = 0. Everything else is the prior, "
         f"{base.name}: {base.source}",
     )
 
 
-def as_json(found: Identified, of_car: ColumnFit | str) -> dict[str, Any]:
-    """Everything that was found, as JSON; null for a number that is not finite."""
-    d = found.drive
+def as_json(found: Identified, names: Sequence[str], of_car: ColumnFit | str) -> dict[str, Any]:
+    """Everything that was found, as JSON; null for a number that is not finite. ``names`` are those of the drives."""
+    fitted, judged = seconds(found)
     return {
-        "verdict": page_of(found, "", "").verdict[0],
+        "verdict": page_of(found, names, "").verdict[0],
         "car": {"refused": of_car} if isinstance(of_car, str) else _car(of_car),
-        "judged_from": float(d.time[found.first]),
-        "seconds_fitted": float(d.weight[: found.first].sum() * d.dt),
-        "seconds_judged": float(d.weight[found.first :].sum() * d.dt),
-        "corrections": d.turns,
-        "torque_rms": rms(found),
-        "growth": _plain(found.growth),
-        "growth_interval": [_plain(x) for x in found.growth_interval],
+        "drives": {
+            name: {
+                "judged_from": float(d.time[first]),
+                "corrections": d.turns,
+                "bank_balances_at": math.sqrt(model.balance),
+                "offset": model.terms["T_0"],
+                "prior": d.prior._asdict(),
+                "notes": list(d.notes),
+            }
+            for name, d, first, model in zip(names, found.drives, found.firsts, found.best.models)
+        },
+        "seconds_fitted": fitted,
+        "seconds_judged": judged,
+        "torque_rms": about_zero(found),
+        "unseen": {
+            "residual": found.unseen.residual,
+            "without": found.unseen.without,
+            "adds": found.unseen.adds,
+            "adds_interval": list(found.unseen.adds_interval),
+            "least_that_shows": found.unseen.least,
+        },
+        "level_grows_with": {
+            name: {"value": _plain(value), "interval": [_plain(x) for x in ends], "unit": f"N m/({QUANTITIES[name]})"}
+            for name, (value, ends) in found.changes.items()
+        },
+        "across": [
+            {**each._asdict(), "fitted_on": names[each.fitted_on], "judged_on": names[each.judged_on]}
+            for each in found.across
+        ],
+        "by_each_drive": {
+            name: {"intervals": [[_plain(x) for x in ends] for ends in each], "unit": unit}
+            for name, (each, unit) in (agreements(found) if found.alone else {}).items()
+        },
+        "differ": list(found.differ),
         "chosen": found.chosen,
         "equals": list(found.equals),
         "apart": found.apart,
         "noticed_from": NOTICED,
-        "shape": found.shape,
-        "shapes": {each.name: {"by_time": each.by_time, "beyond": each.beyond} for each in found.shapes},
-        "prior": d.prior._asdict(),
         "not_determined": list(PRIOR),
-        "notes": [*d.notes, *at_ends(found)],
+        "notes": list(at_ends(found)),
         "rows": {row.name: _row(row) for row in found.rows},
     }
 
@@ -136,9 +185,10 @@ def _car(fit: ColumnFit) -> dict[str, Any]:
         "adds": fit.adds,
         "adds_interval": list(fit.adds_interval),
         "one_site": fit.one_site or None,
+        "offsets": [dict(each) for each in fit.offsets],
         "shown": fit.shown,
         "terms": {
-            name: {"value": value, "interval": list(fit.intervals[name]), "unit": TERMS[name].unit}
+            name: {"value": value, "interval": list(fit.intervals[name]), "unit": term_of(name).unit}
             for name, value in fit.terms.items()
         },
     }
@@ -169,7 +219,11 @@ def _row(row: Fitted) -> dict[str, Any]:
         "presliding_deg": _plain(math.degrees(row.x_c)),
         "presliding_deg_interval": [_plain(math.degrees(x)) for x in row.x_c_interval],
         "a_c": row.model.a_c,
-        "terms": {name: {"value": value, "unit": UNITS[name]} for name, value in row.model.terms.items()},
+        "work": {name: {"share": value, "interval": list(ends)} for name, (value, ends) in row.work.items()},
+        "terms": {
+            name: {"value": value, "interval": list(row.intervals[name]), "unit": UNITS[name]}
+            for name, value in row.model.terms.items()
+        },
     }
 
 
@@ -178,53 +232,70 @@ def _plain(value: float) -> float | None:
 
 
 @styled
-def measured_over_predicted(found: Identified) -> Figure:
-    """Measured over predicted torque of the judging part, and both over time."""
-    d, figure = found.drive, new_figure(9.6, 3.2)
+def measured_over_predicted(found: Identified, names: Sequence[str]) -> Figure:
+    """Measured over predicted torque of the judging part of each drive, and both over time."""
+    count = len(found.drives)
+    figure = new_figure(9.6, 3.2 * count)
     figure.set_label("measured_over_predicted")
-    left, right = figure.subplots(1, 2, width_ratios=(1.0, 2.0))
-    predicted = on_samples(found.best.judged, d.angle, d.speed, d.dt)
-    used = np.flatnonzero((np.arange(d.time.size) >= found.first) & (d.weight > 0.0))
-    x, y = thinned(predicted[used], POINTS), thinned(d.torque[used], POINTS)
-    ends = [min(x.min(), y.min()), max(x.max(), y.max())]
-    left.plot(x, y, ".", color=PALETTE[0], markersize=2.0, alpha=0.5)
-    left.plot(ends, ends, color="#777777", linewidth=1.0)
-    left.set(title="part that was not fitted", xlabel="predicted torque [N m]", ylabel="measured torque [N m]")
-    shown = used[: round(SECONDS * RATE)]
-    right.plot(d.time[shown], d.torque[shown], color="#9aa3ad", linewidth=1.8, label="measured")
-    right.plot(d.time[shown], predicted[shown], color=PALETTE[1], linewidth=1.2, label="predicted")
-    right.set(title=f"first {SECONDS:.0f} s of it", xlabel="time [s]", ylabel="torque [N m]")
-    right.legend(loc="upper right", ncols=2)
+    for axes, name, d, first, model in zip(
+        figure.subplots(count, 2, width_ratios=(1.0, 2.0), squeeze=False),
+        names,
+        found.drives,
+        found.firsts,
+        found.best.judged,
+    ):
+        left, right = axes
+        predicted = on_samples(model, d.angle, d.speed, d.dt)
+        used = np.flatnonzero((np.arange(d.time.size) >= first) & (d.weight > 0.0))
+        x, y = thinned(predicted[used], POINTS), thinned(d.torque[used], POINTS)
+        ends = [min(x.min(), y.min()), max(x.max(), y.max())]
+        left.plot(x, y, ".", color=PALETTE[0], markersize=2.0, alpha=0.5)
+        left.plot(ends, ends, color="#777777", linewidth=1.0)
+        left.set(title=f"{name}, not fitted", xlabel="predicted torque [N m]", ylabel="measured torque [N m]")
+        shown = used[: round(SECONDS * RATE)]
+        right.plot(d.time[shown], d.torque[shown], color="#9aa3ad", linewidth=1.8, label="measured")
+        right.plot(d.time[shown], predicted[shown], color=PALETTE[1], linewidth=1.2, label="predicted")
+        right.set(title=f"first {SECONDS:.0f} s of it", xlabel="time [s]", ylabel="torque [N m]")
+        right.legend(loc="upper right", ncols=2)
     return figure
 
 
-def page_of(found: Identified, name: str, folder: str, of_car: ColumnFit | str = "") -> Page:
-    """The page; ``name`` is that of the drive, ``of_car`` the fitted car, or why there is none."""
-    best = found.best
-    terms = [Term(key, value, UNITS[key], MEANINGS[key]) for key, value in best.model.terms.items()]
+def page_of(found: Identified, names: Sequence[str], folder: str, of_car: ColumnFit | str = "") -> Page:
+    """The page; ``names`` are those of the drives, ``of_car`` the fitted car, or why there is none."""
+    best, (fitted, judged) = found.best, seconds(found)
+    terms = [
+        Term(key, value, best.intervals[key], UNITS[key], MEANINGS[key]) for key, value in best.model.terms.items()
+    ]
+    speeds = 3.6 * np.concatenate([d.speed[d.weight > 0.0] for d in found.drives])
     values = {
         "found": found,
-        "drive_name": name,
+        "drive_name": " and ".join(names),
+        "names": names,
+        "unseen": found.unseen,
+        "turns": sum(d.turns for d in found.drives),
+        "about_zero": about_zero(found),
+        "agreements": agreements(found) if found.alone else {},
+        "bend": BEND,
+        "slowest": speeds.min(),
+        "fastest": speeds.max(),
         "folder": folder,
         "drive": found.drive,
         "of_car": None if isinstance(of_car, str) else of_car,
         "refused": of_car,
-        "car_terms": TERMS,
+        "term_of": term_of,
         "sites_said": "" if isinstance(of_car, str) else sites_said(of_car),
         "limited": () if isinstance(of_car, str) else of_car.limited,
         "longest": LONGEST,
         "run_in": RUN_IN,
-        "notes": [*found.drive.notes, *at_ends(found)],
+        "notes": [*notes_of(found, names), *at_ends(found)],
         "best": best,
         "rows": first_rows(found),
-        "rms": rms(found),
         "equals": [title(law) for law in found.equals],
         "title": title,
         "terms": terms,
-        "shape_terms": MAPS[found.shape],
-        "seconds": found.drive.weight[found.first :].sum() * found.drive.dt,
-        "fitted_seconds": found.drive.weight[: found.first].sum() * found.drive.dt,
-        "picture": image(measured_over_predicted(found)),
+        "seconds": judged,
+        "fitted_seconds": fitted,
+        "picture": image(measured_over_predicted(found, names)),
         "noticed": NOTICED,
         "fewest": FEWEST,
         "degrees": math.degrees,
@@ -236,7 +307,7 @@ def page_of(found: Identified, name: str, folder: str, of_car: ColumnFit | str =
 def write(
     out: Path,
     found: Identified,
-    name: str,
+    names: Sequence[str],
     of_car: ColumnFit | str,
     trace: Mapping[str, Any],
     beside: Beside | None = None,
@@ -247,10 +318,10 @@ def write(
     ``trace`` is of :func:`steer_env.experiments.pages.provenance.trace`. Page and JSON files hold both.
     ``beside`` is the page to explore, which is written beside it and linked to.
     """
-    files = {"fit.json": as_json(found, of_car)}
+    files = {"fit.json": as_json(found, names, of_car)}
     if not isinstance(of_car, str):
         files["friction.json"] = law_file(of_car, title(found.best.name) if found.dry else "no dry")
     with replaced_directory(out, contents()) as part:
-        place(part, page_of(found, name, out.name, of_car), files, trace, beside)
+        place(part, page_of(found, names, out.name, of_car), files, trace, beside)
         if not isinstance(of_car, str):
-            cars.write(fitted_car(of_car, name), part / "car.toml")
+            cars.write(fitted_car(of_car, names), part / "car.toml")

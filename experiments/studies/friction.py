@@ -27,7 +27,6 @@ from steer_env.experiments.studies.common.friction_distinction import TOLD, expe
 from steer_env.experiments.studies.common.friction_results import QUICK, Results, collect, full
 from steer_env.experiments.sweep import Runner, run
 from steer_env.friction.identification import periods
-from steer_env.hand_torque.fit import VISCOUS
 from steer_env.recording.recording import DEGREE
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
@@ -110,15 +109,24 @@ def last_loops(r: Results) -> tuple[Loop, dict[str, Loop]]:
 
 
 def on_road(r: Results) -> dict[str, Any]:
-    """What each law leaves of the hand torque of a drive where it was not fitted."""
+    """What each law leaves of the hand torque of drives where it was not fitted."""
     found = r.road
     rows = [
-        (row.name, number(row.residual, 3), " to ".join(number(x, 3) for x in row.interval),
+        (row.name, number(row.crossed, 3), number(row.residual, 3), " to ".join(number(x, 3) for x in row.interval),
          *((number(row.adds, 2), " to ".join(number(x, 2) for x in row.adds_interval)) if row in found.dry else "––"))
         for row in found.rows
     ]  # fmt: skip
-    used = found.drive.weight[found.first :].sum() * found.drive.dt
-    return {"rows": rows, "best": found.best, "damping": found.row(VISCOUS), "equals": found.equals, "seconds": used}
+    used = sum(d.weight.sum() * d.dt for d in found.drives)
+    levels = [each.best.level_interval for each in found.alone]
+    return {
+        "rows": rows,
+        "best": found.best,
+        "unseen": found.unseen,
+        "equals": found.equals,
+        "seconds": used,
+        "levels": levels,
+        "drives": len(found.drives),
+    }
 
 
 def steps(r: Results) -> dict[str, Any]:
@@ -370,7 +378,14 @@ def as_json(r: Results) -> dict[str, Any]:
             "notes": list(r.record.notes),
         },
         "road": {
-            row.name: {"residual": row.residual, "adds": row.adds, "adds_interval": row.adds_interval}
+            row.name: {
+                "unseen": row.crossed,
+                "residual": row.residual,
+                "adds": row.adds,
+                "adds_interval": row.adds_interval,
+                "level": row.level,
+                "level_interval": row.level_interval,
+            }
             for row in r.road.rows
         },
         "steps": {law: [row._asdict() for row in of] for law, of in r.tables.items()},

@@ -21,7 +21,9 @@ FINE = 12.0  # low-pass of the angle that shows what the stronger one of the fit
 SHORTEST = 30.0  # of what is fitted and judged together; assumed [s]
 GAP = 0.1  # between two rows, from which on nothing is interpolated [s]
 BESIDE = 0.5  # of what is left out, on both sides, as the low-pass reaches there [s]
-SLOWEST = 8.0  # below, tyres are driven by more than a steady turn; assumed [m/s]
+SLOWEST = 1.0  # below, tyres are turned on the spot and not as they roll; assumed [m/s]
+STANDSTILL = 0.1  # speed up to which a car stands; assumed [m/s]
+JUMP = 20.0  # change of the speed that is the sensor's and not the car's; assumed [m/s2]
 LARGEST = 12.0  # lateral acceleration that no passenger car reaches, 99th percentile of the drive [m/s2]
 STILL = np.radians(0.15)  # standard deviation of an angle that is not steered; assumed [rad]
 TURN = np.radians(0.5)  # travel between two reversals that counts as a correction; assumed [rad]
@@ -56,11 +58,11 @@ class Drive(NamedTuple):
         return lateral_acceleration(self.prior, self.angle, self.speed)
 
 
-def prepared(recording: Recording, prior: Prior | None = None) -> Drive:
+def prepared(recording: Recording, prior: Prior | None = None, slowest: float = SLOWEST) -> Drive:
     """A drive from a recording with ``handwheel_angle``, ``torsion_bar_torque`` and ``vehicle_speed``.
 
     Where it has ``yaw_rate`` or ``lateral_acceleration``, the gain of (H2) is fitted to it. Its other ``TORQUES`` are
-    kept for a car that follows the drive.
+    kept for a car that follows the drive. What is slower than ``slowest`` [m/s] is left out.
 
     Raises
     ------
@@ -74,21 +76,26 @@ def prepared(recording: Recording, prior: Prior | None = None) -> Drive:
     read = {channel: at_instants(recording, name, time) for channel, name in named.items()}
     angle = smoothed(read["handwheel_angle"], 1.0 / RATE)
     speed, torque = read["vehicle_speed"], read["torsion_bar_torque"]
-    slow = speed < SLOWEST
-    if slow.any():
-        weight = np.where(slow, 0.0, weight)
-        notes += (f"{slow.mean():.0%} of the drive is slower than {3.6 * SLOWEST:.0f} km/h and is left out",)
+    jumps = np.abs(np.gradient(speed, 1.0 / RATE)) > JUMP
+    for what, where in (
+        ("is driven in reverse", speed < -STANDSTILL),
+        ("stands still", np.abs(speed) <= STANDSTILL),
+        (f"is slower than {3.6 * slowest:.3g} km/h", (speed > STANDSTILL) & (speed < slowest)),
+        (f"is where the speed changes by more than {JUMP:g} m/s2, which no car does,", _widened(jumps)),
+    ):
+        if where.any():
+            weight = np.where(where, 0.0, weight)
+            notes += (f"{_share(where)} of the drive {what} and is left out",)
     if weight.sum() / RATE < SHORTEST:
         raise ValueError(
             f"{weight.sum() / RATE:.0f} s of the drive can be used ({'; '.join(notes)}), and {SHORTEST:.0f} s are "
-            f"needed: a longer drive, faster than {3.6 * SLOWEST:.0f} km/h, without gaps and steered by hands"
+            f"needed: a longer drive, faster than {3.6 * slowest:.3g} km/h, without gaps and steered by hands"
         )
     used = weight > 0.0
     prior = prior_of(recording.meta) if prior is None else prior
     _check_unit(prior, angle[used], speed[used])
     prior, told = _measured(recording, prior, time, angle, speed, used)
-    a = lateral_acceleration(prior, angle, speed)
-    notes += _check_torque(a[used], angle[used], torque, used)
+    notes += _check_torque(angle, torque, used)
     torques = {}
     for channel, name in named.items():
         if name in TORQUES:
@@ -187,13 +194,22 @@ def even(recording: Recording, named: dict[str, str]) -> tuple[Array, Array, tup
         )
     if flagged:
         active = at_instants(recording, ASSISTANCE, time) != 0.0
-        beside = np.convolve(active, np.ones(2 * round(BESIDE * RATE) + 1), "same") > 0.0
-        weight[beside] = 0.0
-        notes.append(f"an assistance steers in {active.mean():.0%} of the drive, which is left out")
+        weight[_widened(active)] = 0.0
+        notes.append(f"an assistance steers in {_share(active)} of the drive, which is left out")
     notes.append(
         f"resampled at {RATE:g} Hz from {round((recording.time.size - 1) / np.ptp(recording.time), 1):g} rows a second"
     )
     return time, weight, tuple(notes)
+
+
+def _widened(where: Any) -> Any:
+    """Samples (T,) that are marked, with ``BESIDE``."""
+    return np.convolve(where, np.ones(2 * round(BESIDE * RATE) + 1), "same") > 0.0
+
+
+def _share(where: Any) -> str:
+    """A share of samples in words."""
+    return f"{where.mean():.0%}" if where.mean() >= 0.01 else "less than 1%"
 
 
 def at_instants(recording: Recording, name: str, time: Array) -> Array:
@@ -257,8 +273,11 @@ def _follows(name: str, values: Array, torque: Array) -> bool:
     return share > FOLLOWS
 
 
-def _check_torque(a: Array, angle: Array, whole: Array, used: Any) -> tuple[str, ...]:
-    """What is told of the torque; ValueError where it falls with the angle, or where the hands are off."""
+def _check_torque(angle: Array, whole: Array, used: Any) -> tuple[str, ...]:
+    """What is told of the torque; ValueError where it falls with the angle, or where the hands are off.
+
+    It is compared in changes over a window, as a bank at low speed asks for a torque out of the bend.
+    """
     torque, size = whole[used], int(WINDOW * RATE)
     if torque.std() > 50.0:
         raise ValueError(
@@ -272,7 +291,8 @@ def _check_torque(a: Array, angle: Array, whole: Array, used: Any) -> tuple[str,
             f"in {light:.0%} of the drive the torque varies by less than {LIGHT:g} N m: the hands are off the wheel, "
             f"or an assistance steers; a hand torque needs hands; a channel {ASSISTANCE} leaves out where one steers"
         )
-    share = float(np.corrcoef(a, torque)[0, 1])
+    both = used[size:] & used[:-size]
+    share = float(np.corrcoef((angle[size:] - angle[:-size])[both], (whole[size:] - whole[:-size])[both])[0, 1])
     if share < -0.3:
         raise ValueError(
             f"the torque falls where the handwheel turns left (correlation {share:.2f}): the sign of angle or torque "

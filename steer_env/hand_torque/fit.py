@@ -1,15 +1,14 @@
-"""Hand torque of a drive with every friction law in turn, fitted to its first part and judged on the rest.
+"""Hand torque of drives with every friction law in turn, fitted to their first parts and judged on the rest.
 
-All coefficients of (H1) but two are linear: for the lateral acceleration a_c and the pre-sliding distance x_c, values
-of a grid are tried, and the others follow from least squares with bounds. Least squares needs only the sums of products
-in blocks of the drive, from which cross-validation and bootstrap are made without reading the drive again.
+All coefficients of (H1) are linear but for the lateral acceleration a_c, the pre-sliding distance x_c and the bank of
+each road: for these, values of a grid are tried, and the others follow from least squares in which all but the offset
+are not negative. Least squares needs only the sums of products in blocks of the drives, from which cross-validation and
+bootstrap are made without reading a drive again.
 
-The shape of the torque over lateral acceleration is chosen by two cross-validations of the fitted part: with blocks of
-time left out, and with the largest lateral accelerations left out, where a shape that does not hold beyond what was
-fitted shows.
+Several drives are of one steering: they share all coefficients but the offsets, and each has a road of its own.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -23,13 +22,12 @@ from steer_env.friction.law import LAWS, available
 from steer_env.friction.numerics.check import number
 from steer_env.hand_torque.drive import FEWEST, RATE, Drive, prepared
 from steer_env.hand_torque.model import (
-    FREE,
-    MAPS,
     Array,
     Model,
     Prior,
-    columns,
+    bends,
     has_distance,
+    linear_terms,
     on_samples,
     stretched,
 )
@@ -37,80 +35,134 @@ from steer_env.recording.recording import Recording
 
 HELD_OUT = 0.35  # share of a drive, its last part, that judges [1]
 BLOCK = 5.0  # of cross-validation and bootstrap; longer than a correction, assumed [s]
-NO_GROWTH = np.nan, (np.nan, np.nan)  # of a drive without a dry law
+MOST = 200  # blocks of a drive, which are longer in a long one
+FOLDS = 10  # of the cross-validation
 DRAWS = 400  # of the bootstrap
 A_C = (0.05, 0.1, 0.2, 0.4, 0.8)  # grid of a_c [m/s2]
 X_C = tuple(np.radians([0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.45, 0.7, 1.0, 1.5, 2.5]))  # grid of x_c [rad]
-GROWTHS = (0.0, 0.1, 0.2, 0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 3.0, 5.0)  # grid of the level's growth by load [s2/m]
-INNER = (0.5, 0.7, 0.85)  # shares of the fitted samples, those of least lateral acceleration, that predict the others
-REFERENCE = "dahl"  # law with which the shape is chosen; assumed: the choice depends little on it
+BALANCES = tuple(
+    50.0 * i for i in range(13)
+)  # grid of b: up to 88 km/h, at which a motorway's bank carries a car [m2/s2]
+# Grid of the change of the level over the range of a quantity, relative to the level where it is zero [1].
+CHANGES = (-0.9, -0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.5, 7.0)
+RANGE = 0.95  # quantile of a quantity that stands for its range [1]
+REFERENCE = "dahl"  # law with which the road is chosen; assumed: the choice depends little on it
 NONE, VISCOUS, DRY = "none", "viscous", "dry"
 LEVEL = 0.95  # of the intervals
 SYSTEMATIC = 0.1  # of a level: what its interval adds for smoothing, as drives of known friction show [1]
-MOST_LOST = 1.5  # factor for what smoothing takes from a level, at most; assumed [1]
+MOST_LOST = 1.3  # factor for what smoothing takes from a level, at most, as drives of known Coulomb friction show [1]
 ALIKE = 0.02  # by which a law may leave more than the best and is not told apart; assumed [1]
+STEERING = ("k", "T_c", "k_w", "k_s", "C", "I")  # terms of (H1) that drives of one car share
+QUANTITIES = {"load": "m/s2", "speed": "m/s", "angle": "rad"}  # on which a level may depend; the load is that of a turn
+
+Interval = tuple[float, float]
+Key = tuple[Any, ...]
 
 
-class Sums(NamedTuple):
-    """Sums of products of the terms of (H1) in blocks of a drive."""
+class Table(NamedTuple):
+    """Sums of products of all that may be a term of (H1), in blocks of a drive."""
 
-    G: Array  # (B, m, m) of term and term [product of units]
-    h: Array  # (B, m) of term and torque [product of units]
-    s: Array  # (B,) of the torque's square [N2 m2]
+    G: Array  # (B, M, M) [product of units]
     n: Array  # (B,) number of samples [1]
+    at: Mapping[Key, int]  # a term with what it depends on -> its place among the M; the torque is the last
 
 
-class Candidate(NamedTuple):
-    """Terms of (H1) for one pair of the grid."""
+class Point(NamedTuple):
+    """A point of the grid."""
 
-    names: tuple[str, ...]
+    roads: tuple[float, ...]  # b of each drive [m2/s2]
     a_c: float  # [m/s2]
-    x_c: float  # pre-sliding distance; NaN without one [rad]
-    growth: float  # of the level by the size of the lateral acceleration, relative [s2/m]
-    sums: Sums
+    unit: Key  # pre-sliding distance, quantity and change of the level; empty without a law
+
+
+class Solved(NamedTuple):
+    """The point of a grid that leaves least, and its coefficients."""
+
+    point: Point
+    names: tuple[str, ...]  # of the shared coefficients
+    offsets: Array  # (drives,) T_0 [N m]
+    p: Array  # shared ones [``UNITS``]
+    left: float  # sum of squares [N2 m2]
 
 
 class Fitted(NamedTuple):
     """One row of the answer: without friction, with damping, or with damping and a dry law."""
 
-    name: str  # "none", "viscous" or a law
-    model: Model  # fitted to the whole drive
-    judged: Model  # fitted to the part that does not judge
-    level: float  # saturated friction of the whole drive, with what smoothing took away; 0 without a dry law [N m]
-    level_interval: tuple[float, float]  # 95 %, from blocks drawn anew [N m]
+    name: str  # "none": nothing dissipates; "viscous": damping and tyres alone; or a law, with both
+    models: tuple[Model, ...]  # of each drive, fitted to whole drives
+    judged: tuple[Model, ...]  # of each drive, fitted to the parts that do not judge
+    intervals: Mapping[str, Interval]  # 95 % of the terms, from blocks drawn anew; those of T_0 are of the first drive
+    level: float  # saturated friction of whole drives, with what smoothing took away; 0 without a dry law [N m]
+    level_interval: Interval  # 95 % [N m]
     x_c: float  # pre-sliding distance with the torsion bar's twist; NaN without one [rad]
-    x_c_interval: tuple[float, float]  # 95 % [rad]
-    residual: float  # root mean square that is left of the judging part [N m]
-    interval: tuple[float, float]  # 95 % [N m]
-    adds: float  # by how much it leaves less than damping alone on the judging part [N m]
-    adds_interval: tuple[float, float]  # 95 % [N m]
-    fitted: float  # root mean square that is left of the fitted part [N m]
-    crossed: float  # of the whole drive, each block predicted from the others [N m]
+    x_c_interval: Interval  # 95 % [rad]
+    work: Mapping[str, tuple[float, Interval]]  # share of friction, tyres and damping in what is dissipated [1]
+    residual: float  # root mean square that is left of the judging parts [N m]
+    interval: Interval  # 95 % [N m]
+    adds: float  # by how much it leaves less than damping alone on the judging parts [N m]
+    adds_interval: Interval  # 95 % [N m]
+    fitted: float  # root mean square that is left of the fitted parts [N m]
+    crossed: float  # of whole drives, each block predicted from the others [N m]
     blocks: Array  # (B,) sum of squares of these predictions by block [N2 m2]
+    folds: Array  # (FOLDS,) sum of squares that is left of what predicts each fold [N2 m2]
+
+    @property
+    def model(self) -> Model:
+        """The model of the first drive, fitted to whole drives."""
+        return self.models[0]
 
 
-class Shape(NamedTuple):
-    """What the cross-validations of the fitted part leave with one shape."""
+class Unseen(NamedTuple):
+    """What blocks leave that are predicted from the others, with everything chosen there: road, a_c, x_c and law."""
 
-    name: str
-    by_time: float  # blocks of time left out, root mean square [N m]
-    beyond: float  # largest lateral accelerations left out, root mean square [N m]
+    residual: float  # root mean square [N m]
+    without: float  # with damping and without a dry law [N m]
+    adds_interval: Interval  # 95 % of the difference [N m]
+
+    @property
+    def adds(self) -> float:
+        """By how much dry friction leaves less [N m]."""
+        return self.without - self.residual
+
+    @property
+    def least(self) -> float:
+        """The smallest gain that these drives would have shown [N m]."""
+        return self.adds - self.adds_interval[0]
+
+
+class Across(NamedTuple):
+    """A steering that was fitted to one drive, on the judging part of another one."""
+
+    fitted_on: int
+    judged_on: int
+    residual: float  # root mean square [N m]
+    adds: float  # by how much dry friction leaves less than damping alone [N m]
+    adds_interval: Interval  # 95 % [N m]
 
 
 class Identified(NamedTuple):
-    """What a drive says of the hand torque."""
+    """What drives of one car say of the hand torque."""
 
-    drive: Drive
-    first: int  # first sample that judges
-    shape: str  # of ``MAPS``, chosen by the fitted part
-    shapes: tuple[Shape, ...]  # all that were tried, the best first
+    drives: tuple[Drive, ...]
+    firsts: tuple[int, ...]  # first sample of each that judges
     rows: tuple[Fitted, ...]  # that leaves least first
     chosen: str  # "none", "viscous" or "dry"
     equals: tuple[str, ...]  # dry laws that the judging part cannot tell from the best of them
     apart: float  # largest root-mean-square difference between predictions of dry laws in ``equals`` [N m]
-    offset: float  # of the torque, T_0 of the best row [N m]
-    growth: float  # of the level of the best dry law by the size of the lateral acceleration, not negative [N m s2/m]
-    growth_interval: tuple[float, float]  # 95 %, from blocks drawn anew; NaN without a dry law [N m s2/m]
+    unseen: Unseen
+    changes: Mapping[str, tuple[float, Interval]]  # of ``QUANTITIES`` -> growth of the level [N m by unit]
+    alone: tuple["Identified", ...] = ()  # each drive by itself with the best law, where there are several
+    across: tuple[Across, ...] = ()
+
+    @property
+    def drive(self) -> Drive:
+        """The first drive."""
+        return self.drives[0]
+
+    @property
+    def first(self) -> int:
+        """First sample of the first drive that judges."""
+        return self.firsts[0]
 
     def row(self, name: str) -> Fitted:
         """A row by its name; ValueError for a name that is none."""
@@ -132,9 +184,27 @@ class Identified(NamedTuple):
         """
         return min(self.dry, key=lambda row: row.fitted, default=self.row(VISCOUS))
 
+    @property
+    def differ(self) -> tuple[str, ...]:
+        """Shared terms, or "level", whose intervals of two drives do not meet: they may be of different cars."""
+        found = []
+        for term in (*self.best.model.terms, *(("level",) if self.dry else ())):
+            ends = self.agreement(term)
+            if term != "T_0" and ends and max(low for low, _ in ends) > min(high for _, high in ends):
+                found.append(term)
+        return tuple(found)
+
+    def agreement(self, term: str) -> tuple[Interval, ...]:
+        """The interval of a shared term, or of "level" or "x_c", from each drive by itself."""
+        found = []
+        for each in self.alone:
+            row = each.best
+            found.append({"level": row.level_interval, "x_c": row.x_c_interval, **row.intervals}[term])
+        return tuple(found)
+
 
 def identify(
-    recording: Recording | Drive,
+    recordings: Recording | Drive | Sequence[Recording | Drive],
     *,
     laws: Sequence[str] | None = None,
     held_out: float = HELD_OUT,
@@ -142,18 +212,18 @@ def identify(
     seed: int = 0,
     notify: Callable[[float, str], None] = lambda part, text: None,
 ) -> Identified:
-    """Identify the hand torque (H1) of a free drive, with every friction law in turn.
+    """Identify the hand torque (H1) of free drives of one car, with every friction law in turn.
 
     Parameters
     ----------
-    recording : Recording or Drive
+    recordings : Recording, Drive, or a sequence of them
         With ``handwheel_angle`` [rad], ``torsion_bar_torque`` [N m] and ``vehicle_speed`` [m/s], left positive.
     laws : sequence of str, optional
         Dry laws to fit; by default all that are registered.
     held_out : float
-        Share of the drive, its last part, that judges and is not fitted, 0.1 to 0.6 [1].
+        Share of each drive, its last part, that judges and is not fitted, 0.1 to 0.6 [1].
     prior : Prior, optional
-        Ratio, wheelbase and understeer; by default those of the recording's meta, else assumed.
+        Ratio, wheelbase and understeer; by default those of the recordings' meta, else assumed.
     seed : int
         Of the draws of the bootstrap.
     notify : callable
@@ -164,21 +234,26 @@ def identify(
     ValueError
         As :func:`steer_env.hand_torque.prepared`, and for an unknown law or a share out of range.
     """
-    drive = recording if isinstance(recording, Drive) else prepared(recording, prior)
+    given = [recordings] if isinstance(recordings, (Recording, Drive)) else list(recordings)
+    drives = tuple(each if isinstance(each, Drive) else prepared(each, prior) for each in given)
     share = number("held_out", held_out, minimum=0.1, maximum=0.6)
     dry = [law for law in (available() if laws is None else laws) if law != VISCOUS]
     for law in dry:
         LAWS[law]  # refuses an unknown one with those that are known
-    if drive.turns < FEWEST:
+    if sum(drive.turns for drive in drives) < FEWEST:
         dry = []
-    first = drive.time.size - round(share * drive.time.size)
-    notify(0.0, "shape of the torque")
-    shapes = _shapes(drive, first, REFERENCE if dry else None)
+    parts = _Parts(drives, share, seed)
     rows, names = [], [NONE, VISCOUS, *dry]
     for i, name in enumerate(names):
-        notify((i + 1) / (len(names) + 1), name)
-        rows.append(_row(drive, first, shapes[0].name, name, np.random.default_rng(seed)))
-    return _answer(drive, first, shapes, rows, seed)
+        notify(i / (len(names) + 1), name)
+        rows.append(_row(parts, name))
+    found = _answer(parts, rows)
+    if len(drives) > 1:
+        notify(len(names) / (len(names) + 1), "each drive by itself")
+        own = [found.best.name] if found.dry else []
+        alone = tuple(identify(each, laws=own, held_out=share, seed=seed) for each in drives)
+        found = found._replace(alone=alone, across=_across(parts, alone))
+    return found
 
 
 def at_ends(found: Identified) -> tuple[str, ...]:
@@ -193,223 +268,334 @@ def at_ends(found: Identified) -> tuple[str, ...]:
     return tuple(texts)
 
 
-def _names(shape: str, name: str) -> tuple[str, ...]:
-    """Terms of (H1) of a row; the inertia is that of all rows, and "none" has no damping."""
-    return ("T_0", *MAPS[shape], *(("I",) if name == NONE else ("C", "I")), *(("level",) if _is_law(name) else ()))
-
-
-def _is_law(name: str | None) -> bool:
-    return name not in (NONE, VISCOUS, None)
+def _is_law(name: str) -> bool:
+    return name not in (NONE, VISCOUS)
 
 
 def blocks(samples: int) -> NDArray[np.int64]:
     """Block of each sample (T,)."""
-    size = round(BLOCK * RATE)
+    size = max(round(BLOCK * RATE), -(-samples // MOST))
     count = max(round(samples / size), 1)
     return np.minimum(np.arange(samples) // size, count - 1)
 
 
-def sums_of(X: Array, torque: Array, weight: Array, block: NDArray[np.int64]) -> Sums:
-    """Sums by block of the products of terms (T, m) and torque (T,), of the samples whose weight is above zero."""
-    count, used = int(block.max()) + 1, weight > 0.0
-    parts = [(X[inside], torque[inside]) for inside in (used & (block == b) for b in range(count))]
-    return Sums(
-        np.array([x.T @ x for x, _ in parts]),
-        np.array([x.T @ y for x, y in parts]),
-        np.array([y @ y for _, y in parts]),
-        np.array([float(y.size) for _, y in parts]),
-    )
+class _Parts:
+    """Drives in blocks, the parts that are fitted together, and the roads that each part shows.
+
+    The parts are whole drives, what does not judge, what is left without each fold, and blocks drawn anew.
+    """
+
+    def __init__(self, drives: tuple[Drive, ...], share: float, seed: int) -> None:
+        self.drives = drives
+        self.block = [blocks(drive.time.size) for drive in drives]
+        counts = [int(block.max()) + 1 for block in self.block]
+        last = [max(round(share * count), 1) for count in counts]
+        self.firsts = tuple(int(np.searchsorted(block, n - k)) for block, n, k in zip(self.block, counts, last))
+        self.whole = [np.ones(count) for count in counts]
+        self.early = [(np.arange(n) < n - k).astype(float) for n, k in zip(counts, last)]
+        parted = [np.array_split(np.arange(count), FOLDS) for count in counts]
+        self.folds = [[each[k] for each in parted] for k in range(FOLDS)]
+        self._references = [
+            table_of(drive, block, REFERENCE, _units(REFERENCE)[1::4]) for drive, block in zip(drives, self.block)
+        ]
+        self.sizes = [table.n for table in self._references]
+        self.used = [np.flatnonzero(size) for size in self.sizes]  # blocks within a gap hold nothing
+        rng = np.random.default_rng(seed)
+        self.draws = [_drawn(n, used, rng) for n, used in zip(counts, self.used)]
+        self.roads, self.early_roads = self._seen(self.whole), self._seen(self.early)
+        self.fold_roads = [self._seen(self.without(fold)) for fold in self.folds]
+        self.drawn_roads = [self._seen([each[k] for each in self.draws], near=True) for k in range(DRAWS)]
+
+    def without(self, fold: Sequence[NDArray[np.int64]]) -> list[Array]:
+        """How often each block counts where those of a fold are left out."""
+        times = [each.copy() for each in self.whole]
+        for each, left_out in zip(times, fold):
+            each[left_out] = 0.0
+        return times
+
+    def tables(self, name: str) -> list[Table]:
+        """The sums of each drive with a law."""
+        return [table_of(drive, block, name, _units(name)) for drive, block in zip(self.drives, self.block)]
+
+    @property
+    def count(self) -> int:
+        """Blocks that hold samples."""
+        return sum(used.size for used in self.used)
+
+    def _seen(self, times: Sequence[Array], near: bool = False) -> tuple[float, ...]:
+        """The road of each drive, by itself; ``near`` looks beside those of whole drives only."""
+        found = []
+        for i, (table, each) in enumerate(zip(self._references, times)):
+            roads, widths = (_beside(self.roads[i]), A_C[1::2]) if near else (BALANCES, A_C)
+            grid = [Point((r,), a_c, u) for r, a_c, u in product(roads, widths, _units(REFERENCE)[1::4])]
+            found.append(best([table], [each], grid, _names(REFERENCE)).point.roads[0])
+        return tuple(found)
 
 
-def _candidates(
+def _beside(balance: float) -> tuple[float, ...]:
+    """Values of the grid that are at most two steps from one of it."""
+    place = BALANCES.index(balance)
+    return BALANCES[max(place - 2, 0) : place + 3]
+
+
+def _names(name: str) -> tuple[str, ...]:
+    """Shared coefficients of a row; of "none", nothing dissipates."""
+    steering = tuple(each for each in STEERING if name != NONE or each not in ("C", "k_s"))
+    return (*steering, "level") if _is_law(name) else steering
+
+
+def _units(name: str) -> list[Key]:
+    """What a level depends on, for each point of the grid."""
+    if not _is_law(name):
+        return [()]
+    return [(x,) for x in (X_C if has_distance(name) else X_C[:1])]
+
+
+def _key(name: str, road: float, point: Point) -> Key:
+    """Place of a term in a table."""
+    return {"k": ("k", road), "T_c": ("T_c", road, point.a_c), "level": ("level", *point.unit)}.get(name, (name,))
+
+
+def table_of(
     drive: Drive,
-    shape: str,
-    name: str,
     block: NDArray[np.int64],
-    grid: Sequence[float] | None = None,
-    distances: Sequence[float] = X_C,
-    growths: Sequence[float] = (0.0,),
-) -> list[Candidate]:
-    """Terms and sums of every point of the grid."""
-    angle, dt, a = drive.angle, drive.dt, drive.lateral_acceleration
-    names = _names(shape, name)
-    others = tuple(each for each in names if each != "level")
-    stretches = _is_law(name) and has_distance(name)
-    pairs, units = list(product(distances if stretches else distances[:1], growths)), [np.zeros((a.size, 0))]
-    if _is_law(name):
-        units = [response(stretched(name, 1.0, x), angle, dt, 1.0 + c * np.abs(a))[:, None] for x, c in pairs]  # (F11)
-    found = []
-    for a_c in (A_C if "T_c" in names else A_C[:1]) if grid is None else grid:
-        X = columns(others, a, a_c, angle, dt)
-        for (x, c), unit in zip(pairs, units):
-            sums = sums_of(np.column_stack([X, unit]), drive.torque, drive.weight, block)
-            found.append(Candidate(names, a_c, x if stretches else np.nan, c, sums))
+    law: str,
+    units: Sequence[Key],
+    roads: Sequence[float] = BALANCES,
+    widths: Sequence[float] = A_C,
+    scales: Mapping[str, Array] | None = None,
+    torque: Array | None = None,
+) -> Table:
+    """The sums of a drive.
+
+    Parameters
+    ----------
+    drive : Drive
+    block : (T,) array
+        Block of each sample.
+    law : str
+        A friction law, "viscous" or "none".
+    units : sequence of tuple
+        Pre-sliding distance [rad] and, where its level depends on a quantity, its name and the relative change of the
+        level over its range.
+    roads, widths : sequence
+        Those that are tried.
+    scales : mapping, optional
+        Quantity -> its size (T,) over its range [1].
+    torque : (T,) array, optional
+        In place of that of the drive [N m].
+    """
+    angle, speed, dt, prior = drive.angle, drive.speed, drive.dt, drive.prior
+    linear = linear_terms(prior, angle, speed, dt)
+    a = drive.lateral_acceleration[:, None] - np.outer(bends(prior, angle, speed, dt), roads)
+    laws = np.zeros((angle.size, 0))
+    if _is_law(law):
+        sizes = [1.0 + c[1] * scales[c[0]] if scales and c else 1.0 for _, *c in units]
+        laws = np.column_stack(
+            [response(stretched(law, 1.0, x), angle, dt, size) for (x, *_), size in zip(units, sizes)]
+        )
+    keys: list[Key] = [(name,) for name in linear]
+    keys += [("k", road) for road in roads]
+    keys += [("T_c", road, a_c) for road in roads for a_c in widths]
+    keys += [("level", *unit) for unit in units] if _is_law(law) else []
+    fixed = np.column_stack([*linear.values()])
+    told = (drive.torque if torque is None else torque)[:, None]
+    used, G, n = drive.weight > 0.0, [], []
+    for b in range(int(block.max()) + 1):
+        rows = used & (block == b)
+        steep = np.tanh(a[rows][:, :, None] / np.array(widths)).reshape(rows.sum(), len(roads) * len(widths))
+        X = np.column_stack([fixed[rows], a[rows], steep, laws[rows], told[rows]])
+        G.append(X.T @ X)
+        n.append(float(rows.sum()))
+    return Table(np.array(G), np.array(n), {key: i for i, key in enumerate(keys)})
+
+
+def best(tables: Sequence[Table], times: Sequence[Array], points: Iterable[Point], names: tuple[str, ...]) -> Solved:
+    """The point of a grid that leaves least of all drives, and its coefficients.
+
+    ``times`` (B,) says how often a block of a drive counts.
+    """
+    sums = [np.tensordot(each, table.G, 1) for each, table in zip(times, tables)]
+    found: Solved | None = None
+    for point in points:
+        A = _of_point(tables, sums, point, names)
+        p = _solved(A, len(tables))
+        left = float(np.append(p, -1.0) @ A @ np.append(p, -1.0))
+        if found is None or left < found.left:
+            found = Solved(point, names, p[: len(tables)], p[len(tables) :], left)
+    assert found is not None
     return found
 
 
-def _solved(names: Sequence[str], G: Array, h: Array) -> Array:
-    """Coefficients (m,) of least squares with the bounds of ``FREE``, from sums of products."""
-    free = [i for i, name in enumerate(names) if name in FREE]
+def _of_point(tables: Sequence[Table], sums: Sequence[Array], point: Point, names: tuple[str, ...]) -> Array:
+    """Sums of all drives at a point of the grid: an offset of each drive, the shared terms, the torque."""
+    n, m = len(tables), len(names)
+    A = np.zeros((n + m + 1, n + m + 1))
+    for i, (table, of) in enumerate(zip(tables, sums)):
+        at, into = _places(table, i, point, names), np.array([i, *range(n, n + m + 1)])
+        A[np.ix_(into, into)] += of[np.ix_(at, at)]
+    return A
+
+
+def _places(table: Table, i: int, point: Point, names: tuple[str, ...]) -> list[int]:
+    """Places in a table of its offset, the shared terms and the torque."""
+    return [table.at[("T_0",)], *(table.at[_key(name, point.roads[i], point)] for name in names), -1]
+
+
+def _solved(A: Array, free: int) -> Array:
+    """Coefficients of least squares from sums of products (m + 1, m + 1), the last of which are with the torque.
+
+    The first ``free`` may have either sign, the others are not negative.
+    """
+    G, h = A[:-1, :-1], A[:-1, -1]
     size = np.sqrt(np.maximum(np.diag(G), 1e-12))
-    A = G / np.outer(size, size)
-    # A free coefficient is the difference of two that are not negative.
-    pick = np.concatenate([np.eye(len(names)), -np.eye(len(names))[:, free]], axis=1)
-    values, vectors = np.linalg.eigh(A)
+    values, vectors = np.linalg.eigh(G / np.outer(size, size))
     root = np.sqrt(np.maximum(values, 1e-12))
-    R = root[:, None] * vectors.T  # R'R = A
+    R = root[:, None] * vectors.T  # R'R = G
     y = (vectors.T @ (h / size)) / root
-    return np.asarray(pick @ nnls(np.asarray(R @ pick), y)[0]) / size
+    # A free coefficient is the difference of two that are not negative.
+    p = nnls(np.column_stack([R, -R[:, :free]]), y)[0]
+    p[:free] -= p[size.size :]
+    return np.asarray(p[: size.size] / size)
 
 
-def _left(sums: Sums, p: Array, blocks: Any) -> Array:
-    """Sum of squares that coefficients leave in blocks [N2 m2]."""
-    return sums.s[blocks] - 2.0 * sums.h[blocks] @ p + np.einsum("bij,i,j->b", sums.G[blocks], p, p)
-
-
-def _fit(candidates: Sequence[Candidate], times: Array) -> tuple[Candidate, Array]:
-    """The pair of the grid that leaves least, and its coefficients; ``times`` (B,) says how often a block counts."""
-    best = None
-    everything = np.arange(times.size)
-    for each in candidates:
-        p = _solved(each.names, np.tensordot(times, each.sums.G, 1), times @ each.sums.h)
-        left = float(times @ _left(each.sums, p, everything))
-        if best is None or left < best[0]:
-            best = left, each, p
-    assert best is not None
-    return best[1], best[2]
-
-
-def _crossed(candidates: Sequence[Candidate], folds: Sequence[Any]) -> tuple[Array, Array]:
-    """Sum of squares (B,) that each block leaves when those of its fold are not fitted, and its samples."""
-    count = candidates[0].sums.n
-    left, used = np.zeros_like(count), np.zeros_like(count)
-    for fold in folds:
-        times = np.ones_like(count)
-        times[fold] = 0.0
-        chosen, p = _fit(candidates, times)
-        left[fold] = _left(chosen.sums, p, fold)
-        used[fold] = count[fold]
-    return left, used
-
-
-def _shapes(drive: Drive, first: int, law: str | None) -> tuple[Shape, ...]:
-    """All shapes, that which the two cross-validations of the fitted part leave least with first."""
-    part = drive._replace(weight=np.where(np.arange(drive.time.size) < first, drive.weight, 0.0))
-    name = law or VISCOUS
-    size = np.abs(part.lateral_acceleration)
-    inner = [np.quantile(size[part.weight > 0.0], share) for share in INNER]
+def left_of(tables: Sequence[Table], solved: Solved) -> list[Array]:
+    """Sum of squares (B,) that is left in each block of each drive [N2 m2]."""
     found = []
-    for shape in MAPS:
-        block = np.minimum(blocks(drive.time.size), blocks(first).max())
-        candidates = _thinned(_candidates(part, shape, name, block))
-        left, used = _crossed(candidates, np.array_split(np.arange(int(block.max()) + 1), 8))
-        beyond = []
-        for limit in inner:
-            outside = _thinned(_candidates(part, shape, name, (size > limit).astype(int)))
-            there, samples = _crossed(outside, [np.array([1])])
-            beyond.append(there[1] / samples[1])
-        found.append(Shape(shape, float(np.sqrt(left.sum() / used.sum())), float(np.sqrt(np.mean(beyond)))))
-    return tuple(sorted(found, key=lambda each: each.by_time**2 + each.beyond**2))
+    for i, table in enumerate(tables):
+        at = _places(table, i, solved.point, solved.names)
+        q = np.concatenate([[solved.offsets[i]], solved.p, [-1.0]])
+        found.append(np.einsum("bij,i,j->b", table.G[:, at][:, :, at], q, q))
+    return found
 
 
-def _thinned(candidates: list[Candidate]) -> list[Candidate]:
-    """Every third pre-sliding distance, which is enough to choose a shape."""
-    kept = sorted({each.x_c for each in candidates if np.isfinite(each.x_c)})[1::3]
-    return [each for each in candidates if not kept or each.x_c in kept]
-
-
-def _model(drive: Drive, shape: str, name: str, chosen: Candidate, p: Array) -> Model:
-    terms = dict(zip(chosen.names, map(float, p)))
+def _models(drives: Sequence[Drive], name: str, solved: Solved) -> tuple[Model, ...]:
+    terms = dict(zip(solved.names, map(float, solved.p)))
     level = terms.pop("level", 0.0)
-    distance = chosen.x_c if np.isfinite(chosen.x_c) else X_C[0]
-    friction = stretched(name, level, distance) if level > 0.0 else None
-    return Model(shape, chosen.a_c, terms, friction, drive.prior)
+    friction = stretched(name, level, solved.point.unit[0]) if level > 0.0 else None
+    return tuple(
+        Model(solved.point.a_c, {"T_0": float(offset), **terms}, friction, drive.prior, road)
+        for drive, offset, road in zip(drives, solved.offsets, solved.point.roads)
+    )
 
 
-def _row(drive: Drive, first: int, shape: str, name: str, rng: np.random.Generator) -> Fitted:
-    """Fit a row to the whole drive and to the part that does not judge; intervals of level and distance."""
-    block = blocks(drive.time.size)
-    candidates = _candidates(drive, shape, name, block)
-    count = int(block.max()) + 1
-    chosen, p = _fit(candidates, np.ones(count))
-    left, used = _crossed(candidates, np.array_split(np.arange(count), 10))
-    level, ends, distances = 0.0, (0.0, 0.0), (np.nan, np.nan)
+def _row(parts: _Parts, name: str) -> Fitted:
+    """Fit a row to whole drives, to the parts that do not judge, and to blocks of them."""
+    tables, names, drives = parts.tables(name), _names(name), parts.drives
+
+    def fit(times: Sequence[Array], roads: tuple[float, ...]) -> Solved:
+        grid = (Point(roads, a_c, unit) for a_c, unit in product(A_C, _units(name)))
+        return best(tables, times, grid, names)
+
+    whole, early = fit(parts.whole, parts.roads), fit(parts.early, parts.early_roads)
+    left, folds = [np.zeros_like(each) for each in parts.whole], []
+    for fold, roads in zip(parts.folds, parts.fold_roads):
+        solved = fit(parts.without(fold), roads)
+        folds.append(solved.left)
+        for to, of, inside in zip(left, left_of(tables, solved), fold):
+            to[inside] = of[inside]
+    draws = [
+        best(
+            tables,
+            [each[k] for each in parts.draws],
+            [Point(roads, whole.point.a_c, unit) for unit in _units(name)],
+            names,
+        )
+        for k, roads in enumerate(parts.drawn_roads)
+    ]
+    factor = _lost(parts, name, whole) if _is_law(name) else 1.0
+    coefficients = np.array([np.append(each.offsets[0], each.p) for each in draws])
+    values = np.append(whole.offsets[0], whole.p)
+    intervals = {
+        each: _about(value, of, parts.count, free=each == "T_0")
+        for each, value, of in zip(("T_0", *names), values, coefficients.T)
+    }
+    level, ends, x_c, distances = 0.0, (0.0, 0.0), np.nan, (np.nan, np.nan)
     if _is_law(name):
-        level = float(p[-1])
-        draws = _drawn([each for each in candidates if each.a_c == chosen.a_c], rng)
-        factor = _lost(drive, shape, name, chosen, p)
-        level, ends = _estimate(level, np.array([q[-1] for _, q in draws]), _counted(candidates).size, factor)
-        if np.isfinite(chosen.x_c):
-            distances = interval_of(np.array([each.x_c for each, _ in draws]))
-    early = drive._replace(weight=np.where(np.arange(drive.time.size) < first, drive.weight, 0.0))
-    judged = _model(drive, shape, name, *_fit(_candidates(early, shape, name, block), np.ones(count)))
-    fitted = early.weight > 0.0
-    error = on_samples(judged, drive.angle, drive.speed, drive.dt) - drive.torque
+        low, high = intervals.pop("level")
+        value = float(whole.p[-1])
+        level, rest = factor * value, SYSTEMATIC * value
+        ends = (
+            factor * max(value - float(np.hypot(value - low, rest)), 0.0),
+            factor * (value + float(np.hypot(high - value, rest))),
+        )
+        if has_distance(name):
+            x_c, distances = whole.point.unit[0], interval_of(np.array([each.point.unit[0] for each in draws]))
+    used = sum(float(table.n.sum()) for table in tables)
+    fitted = sum(float(each @ table.n) for each, table in zip(parts.early, tables))
     return Fitted(
-        name, _model(drive, shape, name, chosen, p), judged, level, ends, chosen.x_c, distances,
-        residual=np.nan, interval=(np.nan, np.nan), adds=0.0, adds_interval=(0.0, 0.0),
-        fitted=float(np.sqrt(np.mean(error[fitted] ** 2))), crossed=float(np.sqrt(left.sum() / used.sum())),
-        blocks=left,
+        name, _models(drives, name, whole), _models(drives, name, early), intervals, level, ends, x_c, distances,
+        _work(tables, parts, whole, draws), residual=np.nan, interval=(np.nan, np.nan), adds=0.0,
+        adds_interval=(0.0, 0.0), fitted=float(np.sqrt(early.left / fitted)),
+        crossed=float(np.sqrt(sum(each.sum() for each in left) / used)), blocks=np.concatenate(left),
+        folds=np.array(folds),
     )  # fmt: skip
 
 
-def _counted(candidates: Sequence[Candidate]) -> NDArray[np.int64]:
-    """Blocks that hold samples; those within a gap hold none."""
-    return np.flatnonzero(candidates[0].sums.n)
-
-
-def _drawn(candidates: Sequence[Candidate], rng: np.random.Generator) -> list[tuple[Candidate, Array]]:
-    """Fits to blocks drawn anew."""
-    used = _counted(candidates)
-    times = np.zeros((DRAWS, candidates[0].sums.n.size))
-    times[:, used] = redrawn(used.size, rng)
-    return [_fit(candidates, each) for each in times]
-
-
-def _estimate(value: float, draws: Array, count: int, factor: float) -> tuple[float, tuple[float, float]]:
-    """A level that is not negative, with what smoothing took from it (``factor``), and its 95 % interval.
+def _about(value: float, draws: Array, count: int, free: bool = False) -> Interval:
+    """95 % interval about a coefficient, not negative unless ``free``.
 
     The draws are of ``count`` blocks, and few blocks ask for a wider interval than that of their draws.
     """
     wide = widened(count, count - 1)
     low, high = interval_of(draws)
-    rest = SYSTEMATIC * value
-    below, above = np.hypot(wide * (value - low), rest), np.hypot(wide * (high - value), rest)
-    return factor * value, (float(factor * max(value - below, 0.0)), float(factor * (value + above)))
+    low, high = value - max(wide * (value - low), 0.0), value + max(wide * (high - value), 0.0)
+    return float(low if free else max(low, 0.0)), float(high)
 
 
-def _growth(drive: Drive, shape: str, row: Fitted, seed: int) -> tuple[float, tuple[float, float]]:
-    """Growth of the level with the load as in (F11), and its interval; the size of a stands for the load."""
-    block, place = blocks(drive.time.size), X_C.index(row.x_c) if np.isfinite(row.x_c) else 0
-    near = X_C[max(place - 1, 0) : place + 2]
-    candidates = _candidates(drive, shape, row.name, block, (row.model.a_c,), near, GROWTHS)
-    chosen, p = _fit(candidates, np.ones(candidates[0].sums.n.size))
-    draws = _drawn(candidates, np.random.default_rng(seed))
-    value = chosen.growth * float(p[-1])
-    factor = _lost(drive, shape, row.name, chosen, p)
-    grown = np.array([each.growth * q[-1] for each, q in draws])
-    return _estimate(value, grown, _counted(candidates).size, factor)
+def _work(
+    tables: Sequence[Table], parts: _Parts, whole: Solved, draws: Sequence[Solved]
+) -> dict[str, tuple[float, Interval]]:
+    """Shares of what is dissipated at the hands: by friction, by tyres that are turned as they roll, by damping."""
+    if "C" not in whole.names:
+        return {}
+
+    def shares(solved: Solved, times: Sequence[Array]) -> Array:
+        A = _of_point(
+            tables, [np.tensordot(each, of.G, 1) for each, of in zip(times, tables)], solved.point, solved.names
+        )
+        rate = A[len(tables) + solved.names.index("C")]  # sums with the speed of the handwheel
+        terms = dict(zip(solved.names, solved.p * rate[len(tables) : -1]))
+        work = np.array([terms.get("level", 0.0), terms["k_s"], terms["C"]])
+        return work / max(float(work.sum()), 1e-12)
+
+    of_draws = np.array([shares(each, [t[k] for t in parts.draws]) for k, each in enumerate(draws)])
+    value = shares(whole, parts.whole)
+    return {
+        name: (float(v), _about(float(v), of, parts.count))
+        for name, v, of in zip(("friction", "tyres", "damping"), value, of_draws.T)
+    }
 
 
-def _lost(drive: Drive, shape: str, name: str, chosen: Candidate, p: Array) -> float:
+def _lost(parts: _Parts, name: str, solved: Solved) -> float:
     """Factor on a level for what the low-pass of the angle takes away [1].
 
     The torque of the fitted model over the angle with little smoothing is fitted again over the angle of the fit.
     """
-    model = _model(drive, shape, name, chosen, p)
-    if model.friction is None:
+    models = _models(parts.drives, name, solved)
+    if models[0].friction is None:
         return 1.0
-    again = drive._replace(torque=on_samples(model, drive.fine_angle, drive.speed, drive.dt))
-    block = np.zeros(drive.time.size, int)
-    distance = (chosen.x_c if np.isfinite(chosen.x_c) else X_C[0],)
-    same = _candidates(again, shape, name, block, (chosen.a_c,), distance)
-    found = float(_fit(same, np.ones(1))[1][-1])
-    return float(np.clip(p[-1] / found, 1.0, MOST_LOST)) if found > 0.0 else 1.0
+    tables = [
+        table_of(
+            drive, block, name, [solved.point.unit], [model.balance], [model.a_c],
+            torque=on_samples(model, drive.fine_angle, drive.speed, drive.dt),
+        )
+        for drive, block, model in zip(parts.drives, parts.block, models)
+    ]  # fmt: skip
+    found = best(tables, parts.whole, [solved.point], solved.names).p[-1]
+    return float(np.clip(solved.p[-1] / found, 1.0, MOST_LOST)) if found > 0.0 else 1.0
 
 
 def redrawn(count: int, seed: int | np.random.Generator, draws: int = DRAWS) -> Array:
     """How often each of ``count`` blocks counts when as many are drawn anew, (draws, count)."""
     return np.random.default_rng(seed).multinomial(count, np.full(count, 1.0 / count), draws).astype(float)
+
+
+def _drawn(count: int, used: NDArray[np.int64], rng: np.random.Generator) -> Array:
+    """How often each of ``count`` blocks counts when those that hold samples are drawn anew, (DRAWS, count)."""
+    times = np.zeros((DRAWS, count))
+    times[:, used] = redrawn(used.size, rng)
+    return times
 
 
 def widened(count: int, degrees: int) -> float:
@@ -418,51 +604,121 @@ def widened(count: int, degrees: int) -> float:
     return float(np.sqrt(count / degrees) * stats.t.ppf(tail, degrees) / stats.norm.ppf(tail))
 
 
-def interval_of(values: Array) -> tuple[float, float]:
+def interval_of(values: Array) -> Interval:
     """Ends of the interval that holds ``LEVEL`` of the values."""
     low, high = np.quantile(values, [0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL])
     return float(low), float(high)
 
 
-def _answer(drive: Drive, first: int, shapes: tuple[Shape, ...], rows: list[Fitted], seed: int) -> Identified:
-    """The rows judged on the same draws of blocks of the judging part."""
-    used = np.flatnonzero((np.arange(drive.time.size) >= first) & (drive.weight > 0.0))
-    if used.size < 2.0 * BLOCK * RATE:
-        raise ValueError(
-            f"the judging part has {used.size / RATE:.2g} s of use: raise held_out, or take a longer drive"
+def _answer(parts: _Parts, rows: list[Fitted]) -> Identified:
+    """The rows judged on the same draws of blocks of the judging parts."""
+    drives, firsts = parts.drives, parts.firsts
+    late = [
+        np.flatnonzero((np.arange(drive.time.size) >= first) & (drive.weight > 0.0))
+        for drive, first in zip(drives, firsts)
+    ]
+    for used in late:
+        if used.size < 2.0 * BLOCK * RATE:
+            raise ValueError(
+                f"the judging part has {used.size / RATE:.2g} s of use: raise held_out, or take a longer drive"
+            )
+    measured = np.concatenate([drive.torque[used] for drive, used in zip(drives, late)])
+    predicted = {
+        row.name: np.concatenate(
+            [
+                on_samples(model, drive.angle, drive.speed, drive.dt)[used]
+                for model, drive, used in zip(row.judged, drives, late)
+            ]
         )
-    predicted = {row.name: on_samples(row.judged, drive.angle, drive.speed, drive.dt) for row in rows}
-    block = blocks(used.size)
-    count = int(block.max()) + 1
-    squares = {
-        name: np.bincount(block, (torque[used] - drive.torque[used]) ** 2, count) for name, torque in predicted.items()
+        for row in rows
     }
-    size = np.bincount(block, minlength=count).astype(float)
-    times = redrawn(count, seed)
-    drawn = {name: np.sqrt(times @ each / (times @ size)) for name, each in squares.items()}
-    left = {name: float(np.sqrt(each.sum() / size.sum())) for name, each in squares.items()}
+    judge = _Judge(measured)
+    left = {name: judge.left(torque) for name, torque in predicted.items()}
     judged = [
         row._replace(
             residual=left[row.name],
-            interval=interval_of(drawn[row.name]),
+            interval=interval_of(judge.drawn(predicted[row.name])),
             adds=left[VISCOUS] - left[row.name],
-            adds_interval=interval_of(drawn[VISCOUS] - drawn[row.name]),
+            adds_interval=interval_of(judge.drawn(predicted[VISCOUS]) - judge.drawn(predicted[row.name])),
         )
         for row in sorted(rows, key=lambda row: left[row.name])
     ]
-    dry = [row.name for row in judged if row.name not in (NONE, VISCOUS)]
+    dry = [row.name for row in judged if _is_law(row.name)]
     equals = [
         name
         for name in dry
-        if left[name] <= (1.0 + ALIKE) * left[dry[0]] or interval_of(drawn[name] - drawn[dry[0]])[0] <= 0.0
+        if left[name] <= (1.0 + ALIKE) * left[dry[0]]
+        or interval_of(judge.drawn(predicted[name]) - judge.drawn(predicted[dry[0]]))[0] <= 0.0
     ]
     apart = max(
-        (float(np.sqrt(np.mean((predicted[a] - predicted[b])[used] ** 2))) for a in equals for b in equals), default=0.0
+        (float(np.sqrt(np.mean((predicted[a] - predicted[b]) ** 2))) for a in equals for b in equals), default=0.0
     )
-    found = Identified(drive, first, shapes[0].name, shapes, tuple(judged), NONE, tuple(equals), apart, 0.0, *NO_GROWTH)
-    growth, interval = _growth(drive, found.shape, found.best, seed) if dry else NO_GROWTH
-    offset = found.best.model.terms["T_0"]
-    return found._replace(chosen=_chosen(found), offset=offset, growth=growth, growth_interval=interval)
+    found = Identified(drives, firsts, tuple(judged), NONE, tuple(equals), apart, _unseen(parts, judged), {})
+    return found._replace(chosen=_chosen(found), changes=_changes(parts, found) if dry else {})
+
+
+class _Judge:
+    """Predictions of one measured torque, compared on the same draws of its blocks."""
+
+    def __init__(self, measured: Array) -> None:
+        self._measured, self._block = measured, blocks(measured.size)
+        count = int(self._block.max()) + 1
+        self._size, self._times = np.bincount(self._block, minlength=count).astype(float), redrawn(count, 0)
+
+    def left(self, predicted: Array) -> float:
+        """Root mean square that is left [N m]."""
+        return float(np.sqrt(np.mean((predicted - self._measured) ** 2)))
+
+    def drawn(self, predicted: Array) -> Array:
+        """The same in each draw (DRAWS,)."""
+        squares = np.bincount(self._block, (predicted - self._measured) ** 2, self._size.size)
+        return np.asarray(np.sqrt(self._times @ squares / (self._times @ self._size)))
+
+
+def _unseen(parts: _Parts, rows: Sequence[Fitted]) -> Unseen:
+    """What is left of blocks that are predicted from the others, with the law that leaves least of those."""
+    by_name = {row.name: row for row in rows}
+    dry = [row for row in rows if _is_law(row.name)] or [by_name[VISCOUS]]
+    fold = np.concatenate(
+        [np.repeat(np.arange(FOLDS), [f[i].size for f in parts.folds]) for i in range(len(parts.drives))]
+    )
+    law = np.argmin([row.folds for row in dry], axis=0)  # (FOLDS,)
+    left = np.array([row.blocks for row in dry])[law[fold], np.arange(fold.size)]
+    size = np.concatenate(parts.sizes)
+    used = np.flatnonzero(size)
+    times = redrawn(used.size, 0, 4 * DRAWS)
+    drawn = [np.sqrt(times @ each[used] / (times @ size[used])) for each in (by_name[VISCOUS].blocks, left)]
+    values = [float(np.sqrt(each.sum() / size.sum())) for each in (left, by_name[VISCOUS].blocks)]
+    return Unseen(*values, interval_of(drawn[0] - drawn[1]))
+
+
+def _changes(parts: _Parts, found: Identified) -> dict[str, tuple[float, Interval]]:
+    """Growth of the level of the best dry law with each of ``QUANTITIES``, as in (F11) [N m by unit]."""
+    row, drives, names = found.best, parts.drives, _names(found.best.name)
+    place = X_C.index(row.x_c) if np.isfinite(row.x_c) else 0
+    near = X_C[max(place - 1, 0) : place + 2]
+    sizes = [{"load": np.abs(d.lateral_acceleration), "speed": d.speed, "angle": np.abs(d.angle)} for d in drives]
+    result = {}
+    for quantity in QUANTITIES:
+        every = np.concatenate([of[quantity][drive.weight > 0.0] for of, drive in zip(sizes, drives)])
+        reach = float(np.quantile(every, RANGE))
+        units = [(x, quantity, c) for x, c in product(near, CHANGES)]
+        tables = [
+            table_of(
+                drive, block, row.name, units, [model.balance], [model.a_c],
+                scales={quantity: np.minimum(of[quantity] / reach, 1.0)},
+            )
+            for drive, block, model, of in zip(drives, parts.block, row.models, sizes)
+        ]  # fmt: skip
+        points = [Point(parts.roads, row.model.a_c, unit) for unit in units]
+        whole = best(tables, parts.whole, points, names)
+        draws = [best(tables, [t[k] for t in parts.draws], points, names) for k in range(DRAWS)]
+        grown = np.array([each.point.unit[2] * each.p[-1] for each in draws]) / reach
+        value = whole.point.unit[2] * float(whole.p[-1]) / reach
+        low, high = _about(value, grown, parts.count, free=True)
+        rest = SYSTEMATIC * value
+        result[quantity] = value, (value - float(np.hypot(value - low, rest)), value + float(np.hypot(high - value, rest)))
+    return result
 
 
 def _chosen(found: Identified) -> str:
@@ -479,3 +735,29 @@ def _chosen(found: Identified) -> str:
         if interval_of(times @ saved)[0] > 0.0 and (kind == VISCOUS or row.level_interval[0] > 0.0):
             chosen = kind
     return chosen
+
+
+def _across(parts: _Parts, alone: Sequence[Identified]) -> tuple[Across, ...]:
+    """Each drive's steering on the judging parts of the others, whose road and offset are of their earlier parts."""
+    found = []
+    for i, own in enumerate(alone):
+        for j, (drive, first) in enumerate(zip(parts.drives, parts.firsts)):
+            if i == j:
+                continue
+            late = np.flatnonzero((np.arange(drive.time.size) >= first) & (drive.weight > 0.0))
+            judge = _Judge(drive.torque[late])
+            with_law, without = (_lent(row.model, drive, first)[late] for row in (own.best, own.row(VISCOUS)))
+            gain = interval_of(judge.drawn(without) - judge.drawn(with_law))
+            residual = judge.left(with_law)
+            found.append(Across(i, j, residual, judge.left(without) - residual, gain))
+    return tuple(found)
+
+
+def _lent(model: Model, drive: Drive, first: int) -> Array:
+    """Torque (T,) of a drive with the steering of another one, and road and offset of its own first part [N m]."""
+    early, tried = np.flatnonzero(drive.weight[:first] > 0.0), []
+    for road in BALANCES:
+        torque = on_samples(model._replace(balance=road), drive.angle, drive.speed, drive.dt)
+        error = (drive.torque - torque)[early]
+        tried.append((float(np.std(error)), torque + float(error.mean())))
+    return min(tried, key=lambda each: each[0])[1]

@@ -1,19 +1,28 @@
 """Torque of the torsion bar from handwheel angle and speed alone, without any earlier torque.
 
-    T = T_0 + k a + T_c tanh(a/a_c) + C th' + I th'' + T_F(th)                              (H1)
-    a = g v^2 th / (i (l + K v^2))                                                          (H2)
+    T = T_0 + k a + T_c tanh(a/a_c) + k_w th + k_s S + C th' + I th'' + T_F(th)             (H1)
+    a = g (v^2 kappa - b kappa_s),  kappa = th / (i (l + K v^2))                            (H2)
+    S' = th' - (v / sigma) S                                                                (H4)
 
-th is the handwheel angle, v the speed, a the lateral acceleration that a steady turn with this angle would have. T_0 is
-the offset of sensor and road, k the gradient of the torque, T_c its steep part on centre, where an assist gives little
-(both are what the assist leaves to the hands), C damping, I inertia, and T_F the torque of a friction law over the
-handwheel angle, with its memory at rest at the first sample. The twist of the torsion bar is part of the pre-sliding
-distance. Left is positive, and a positive torque turns left.
+th is the handwheel angle, v the speed, kappa the curvature of the path that a steady turn with this angle would have
+and a the lateral acceleration that its tyres give. A road in a bend is banked, and the bank gives b kappa_s of it:
+kappa_s is kappa smoothed over the distance driven, the road's without the corrections within its lane,
+and the square root of b is the speed at which the bank alone leads the car through the bend. T_0 is the offset of
+sensor and road, k the gradient of the torque, T_c its steep part on centre, where an assist gives little (both are what
+the assist leaves to the hands), k_w the part by the weight on inclined king-pins, which is there at walking pace too,
+and k_s that of tyres which are turned on their contact and lose this angle S as they roll on, over the relaxation
+length sigma. C is damping, I inertia, and T_F the torque of a friction law over the handwheel angle, with its memory
+at rest at the first sample. The twist of the torsion bar is part of the pre-sliding distance. Left is positive, and a
+positive torque turns left.
 
-Source: (H1) is the column's balance (C2) with assist and rack torque together as a function of a; (H2) is the steady
-single-track model with ratio i, wheelbase l and understeer K. The shape of the function is one of ``MAPS``.
+Source: (H1) is the column's balance (C2) with assist and rack torque together as a function of a, th and S, which
+leaves a sixth of the hand torque of the packaged car on two tracks in stop-and-go; (H2) is the steady single-track model
+with ratio i, wheelbase l and understeer K, on a road whose bank follows its bends; (H4) is the turn slip of a rolling
+contact, with the relaxation of a lateral deflection (Pacejka, Tyre and Vehicle Dynamics, chapters 5 and 9).
 """
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,30 +33,26 @@ from steer_env.friction.defaults import F_C, SIGMA_0
 from steer_env.friction.identification import scales
 from steer_env.friction.law import LAWS, as_mapping, make, resolve
 from steer_env.friction.numerics.check import number, numbers, positive
+from steer_env.friction.numerics.kernel import kernel
 from steer_env.recording.recording import Recording, low_passed
 
 Array = NDArray[np.float64]
 
 RATE = 50.0  # of the uniform samples [Hz]
 CUTOFF = 5.0  # of the zero-phase low-pass of the angle: the sensor has steps, and hands move below 3 Hz; assumed [Hz]
+GRID = 2.0  # of the curvature over the distance driven [m]
+BEND = 100.0  # deviation of the Gaussian that smooths it to that of the road: a transition curve's length, assumed [m]
 
-# Shape of the torque over lateral acceleration -> its terms. All but "knee" are there to be tried and refused.
-MAPS = {
-    "linear": ("k",),
-    "knee": ("k", "T_c"),
-    "saturating": ("T_c",),
-    "cubic": ("k", "k_3"),
-}
 UNITS = {
     "T_0": "N m",
     "k": "N m s2/m",
     "T_c": "N m",
-    "k_3": "N m s6/m3",
+    "k_w": "N m/rad",
+    "k_s": "N m/rad",
     "C": "N m s/rad",
     "I": "kg m2",
     "level": "N m",
 }
-FREE = ("T_0", "k_3")  # terms that may have either sign; the others are not negative
 
 
 class Prior(NamedTuple):
@@ -57,35 +62,52 @@ class Prior(NamedTuple):
     wheelbase: float = 2.8  # l; assumed [m]
     understeer: float = 0.0025  # K: road-wheel angle over lateral acceleration beyond Ackermann's; assumed [rad s2/m]
     gain: float = 1.0  # g: measured yaw rate or lateral acceleration over the one of i, l and K [1]
+    relaxation: float = 0.6  # sigma: over which a rolling tyre loses what it was turned by; assumed [m]
 
 
 class Model(NamedTuple):
     """Equation (H1) with its numbers."""
 
-    shape: str  # of ``MAPS``
     a_c: float  # lateral acceleration over which the torque is steep on centre [m/s2]
-    terms: Mapping[str, float]  # T_0, those of the shape, C and I [``UNITS``]
+    terms: Mapping[str, float]  # those of ``UNITS`` without the level
     friction: Any  # parameters of a law, or None
     prior: Prior  # of (H2)
+    balance: float = 0.0  # b, of the road where it predicts: another road has another bank [m2/s2]
+
+
+def curvature(prior: Prior, angle: Array, speed: Array) -> Array:
+    """Curvature of the path of a steady turn (T,) by (H2) [1/m] at an angle [rad] and a speed [m/s]."""
+    return prior.gain * angle / (prior.ratio * (prior.wheelbase + prior.understeer * speed**2))  # (H2)
 
 
 def lateral_acceleration(prior: Prior, angle: Array, speed: Array) -> Array:
-    """Lateral acceleration of a steady turn (T,) by (H2) [m/s2] at an angle [rad] and a speed [m/s]."""
-    return prior.gain * speed**2 * angle / (prior.ratio * (prior.wheelbase + prior.understeer * speed**2))  # (H2)
+    """Lateral acceleration of a steady turn (T,) by (H2) [m/s2] on a level road."""
+    return speed**2 * curvature(prior, angle, speed)
 
 
-def columns(names: Sequence[str], a: Array, a_c: float, angle: Array, dt: float) -> Array:
-    """The terms of (H1) without friction, (T, number of names), each for a coefficient of one."""
-    rate = np.gradient(angle, dt)
-    terms: dict[str, Callable[[Array], Array]] = {
-        "T_0": np.ones_like,
-        "k": lambda a: a,
-        "T_c": lambda a: np.tanh(a / a_c),
-        "k_3": lambda a: a**3,
-        "C": lambda a: rate,
-        "I": lambda a: np.gradient(rate, dt),
-    }
-    return np.column_stack([terms[name](a) for name in names])  # (H1)
+def bends(prior: Prior, angle: Array, speed: Array, dt: float) -> Array:
+    """Curvature (T,) of the road, kappa_s of (H2), as far as the handwheel angle shows it [1/m]."""
+    from scipy.ndimage import gaussian_filter1d  # imported here, because that takes longer than the import of all laws
+
+    way = np.cumsum(np.maximum(speed, 0.0)) * dt
+    places = np.arange(0.0, way[-1] + GRID, GRID)
+    there = np.interp(places, way, curvature(prior, angle, speed))
+    return np.interp(way, places, gaussian_filter1d(there, BEND / GRID, mode="nearest"))
+
+
+@kernel
+def _turn_slip(angle, speed, dt, relaxation, out):  # type: ignore[no-untyped-def]
+    s = 0.0
+    for i in range(1, angle.size):
+        s = (s + angle[i] - angle[i - 1]) * math.exp(-abs(speed[i]) * dt / relaxation)  # (H4)
+        out[i] = s
+
+
+def turn_slip(prior: Prior, angle: Array, speed: Array, dt: float) -> Array:
+    """Angle (T,) by which rolling tyres are turned on their contact, S of (H4), in terms of the handwheel [rad]."""
+    out = np.zeros(angle.size)
+    _turn_slip(angle, speed, dt, prior.relaxation, out)
+    return out
 
 
 def stretched(law: str, level: float, distance: float) -> Any:
@@ -135,10 +157,24 @@ def predict(model: Model, time: ArrayLike, handwheel_angle: ArrayLike, vehicle_s
     return np.interp(drive.time, even.time, found)
 
 
+def linear_terms(prior: Prior, angle: Array, speed: Array, dt: float) -> dict[str, Array]:
+    """The terms of (H1) that neither a road nor a width changes (T,), each for a coefficient of one."""
+    rate = np.gradient(angle, dt)
+    return {
+        "T_0": np.ones_like(angle),
+        "k_w": angle,
+        "k_s": turn_slip(prior, angle, speed, dt),
+        "C": rate,
+        "I": np.gradient(rate, dt),
+    }
+
+
 def on_samples(model: Model, angle: Array, speed: Array, dt: float) -> Array:
     """Torque (T,) [N m] by (H1) at uniform steps ``dt`` [s], from the smoothed angle [rad] and the speed [m/s]."""
     a = lateral_acceleration(model.prior, angle, speed)
-    found = columns(tuple(model.terms), a, model.a_c, angle, dt) @ np.array(list(model.terms.values()))
+    a -= model.balance * bends(model.prior, angle, speed, dt)  # (H2)
+    terms = {**linear_terms(model.prior, angle, speed, dt), "k": a, "T_c": np.tanh(a / model.a_c)}
+    found = np.asarray(sum(value * terms[name] for name, value in model.terms.items()))  # (H1)
     return found if model.friction is None else found + response(resolve(model.friction), angle, dt)  # (H1)
 
 

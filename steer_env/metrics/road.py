@@ -48,6 +48,7 @@ from steer_env.vehicle.constants import GRAVITY as G
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+SLOWEST = 8.0  # below, the loops are of more than a steady turn; assumed [m/s]
 BLOCK = 10.0  # length of a block, longer than what the road and the driver correlate over; assumed [s]
 FEWEST_BLOCKS = 6  # from which on their scatter tells an interval; assumed
 LEAST = 1.0  # of a block in the window, so that it counts; assumed [s]
@@ -86,7 +87,7 @@ class Road:
     def __init__(self, recording: Recording, conditions: Mapping[str, Any]) -> None:
         if TORQUE in recording.channels and "torsion_bar_torque" in recording.channels:
             recording = recording.without("torsion_bar_torque")
-        drive = prepared(recording)  # its ValueError refuses the whole recording, with the reason
+        drive = prepared(recording, slowest=SLOWEST)  # its ValueError refuses the whole recording, with the reason
         if isinstance(recording, DoubleFiltered):
             drive = drive._replace(angle=smoothed(drive.angle, drive.dt))
         self._recording, self.drive = recording, drive

@@ -35,7 +35,8 @@ def written(tmp_path_factory):
 def test_the_numbers_stand_in_the_json(written):
     found = json.loads((written / "fit.json").read_text())
     rows = found["rows"]
-    assert rows["dahl"]["residual"] < 0.20 < rows["viscous"]["residual"] < rows["none"]["residual"]
+    assert rows["dahl"]["residual"] < 0.18 < rows["viscous"]["residual"]
+    assert found["unseen"]["adds_interval"][0] > 0.0
     assert found["chosen"] == "dry"
     assert {"ratio", "understeer"} <= set(found["not_determined"])
     assert found["trace"]["command"][0] == "fit-steering"
@@ -45,7 +46,7 @@ def test_the_fitted_car_drives_a_weave(written, tmp_path):
     """The car has the boost and the friction that were identified, and says so."""
     car = cars.load(written / "car.toml")
     assert car.steering["friction_load"] == 0.0
-    assert "identified from the drive mkz_2016" in car.source
+    assert "identified from mkz_2016" in car.source
     law = json.loads((written / "friction.json").read_text())
     level = json.loads((written / "fit.json").read_text())["car"]["terms"]["F_c"]["value"]
     assert law["friction"]["F_c"] == pytest.approx(level)
@@ -57,7 +58,7 @@ def test_the_fitted_car_predicts_the_drive(written):
     """On the part that was not fitted; the packaged car leaves 0.44 N m there, and a constant 0.31."""
     found = json.loads((written / "fit.json").read_text())
     car, best = found["car"], found["rows"]["dahl"]
-    assert best["residual"] < car["residual"] < 0.23  # regression
+    assert best["residual"] < car["residual"] < 0.21  # regression
     assert car["adds_interval"][0] < car["adds"] < car["adds_interval"][1]
     assert "no handwheel_torque" in car["one_site"]
 
@@ -86,7 +87,7 @@ def test_the_car_that_made_a_drive_is_found():
     assert found.adds_interval[0] > 0.0
     assert found.limited == ()
     assert "no handwheel_torque" in found.one_site
-    assert {*found.terms} == {*true, "T_0"}
+    assert {*found.terms} == {*true}  # and no bank: at one speed it would not be told from the car's lag
     for name, value in true.items():
         assert found.terms[name] == pytest.approx(value, rel=0.05), name
         low, high = found.intervals[name]
@@ -141,7 +142,7 @@ def test_friction_above_the_bar_is_told_from_friction_below(truth, torques):
 @pytest.mark.whole
 def test_what_is_told_of_both_sites_drives_a_car(tmp_path):
     found, fit = told("both")
-    steering_fit.write(tmp_path / "out", found, "drive", fit, {"command": []})
+    steering_fit.write(tmp_path / "out", found, ["drive"], fit, {"command": []})
     held = friction.resolve(tmp_path / "out" / "friction.json")
     assert friction.as_mapping(held) == friction.as_mapping(fit.friction)
     assert sites.sliding_torque(held.upper_column.law) == pytest.approx(fit.terms["F_u"])
@@ -171,7 +172,7 @@ def test_too_little_of_a_drive_and_a_car_without_boost_are_told():
         column_fit.fit_column(found, cars.load("compact", {"assist.boost_scale": 0.0}))
     late = found.drive._replace(weight=np.where(found.drive.time < 60.0, 0.0, found.drive.weight))
     with pytest.raises(ValueError, match=r"s of the fitted part can be compared with a car, and 45 s are needed"):
-        column_fit.fit_column(found._replace(drive=late), cars.load("compact"))
+        column_fit.fit_column(found._replace(drives=(late,)), cars.load("compact"))
 
 
 @pytest.mark.filterwarnings("ignore:car compact. boost, limit")
@@ -181,6 +182,24 @@ def test_a_car_that_cannot_be_driven_is_told(tmp_path, capsys):
     assert main(["fit-steering", "mkz_2016", *words]) == 0
     assert "no car is written: drive: the assist loop is unstable" in capsys.readouterr().out
     assert not (out / "car.toml").exists()
+
+
+def test_two_drives_of_one_car(tmp_path, capsys):
+    """One steering from a packaged drive and a file of its own, whose columns ``--map`` names."""
+    made = synthetic.traffic(4, "dahl", 0.3, duration=150.0)
+    table = np.column_stack([made.time, *(made[name] for name in synthetic.UNITS)])
+    path, out = tmp_path / "own.csv", tmp_path / "out"
+    np.savetxt(path, table, delimiter=",", header="t[s],SWA[rad],EPS_Tq[Nm],v[m/s]", comments="")
+    told = ["--map", "handwheel_angle=SWA", "--map", "torsion_bar_torque=EPS_Tq", "--map", "vehicle_speed=v"]
+    assert main(["fit-steering", str(path), str(path), *told, "--law", "dahl", "--out", str(out)]) == 0
+    found = json.loads((out / "fit.json").read_text())
+    assert [(each["fitted_on"], each["judged_on"]) for each in found["across"]] == [("own", "own_2"), ("own_2", "own")]
+    assert found["by_each_drive"]["level"]["intervals"][0] == found["by_each_drive"]["level"]["intervals"][1]
+    assert found["differ"] == []
+    assert "fitted on own and judged on own_2" in capsys.readouterr().out
+    assert len(found["car"]["offsets"]) == 2
+    assert main(["fit-steering", "mkz_2016", "nothing.csv"]) == 2
+    assert "nothing.csv" in capsys.readouterr().err
 
 
 def refused(capsys, *words):

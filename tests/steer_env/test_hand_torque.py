@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from steer_env import identify
+from steer_env.experiments.studies.common.friction_records import road_drive
 from steer_env.friction.law import available
 from steer_env.hand_torque import Model, Prior, fit, predict, prepared
-from steer_env.hand_torque.model import has_distance, stretched
+from steer_env.hand_torque.model import has_distance, on_samples, stretched
 from steer_env.recording import Recording
 from tests.friction.test_bad_input import refused
 from tests.synthetic import hand_torque as synthetic
@@ -31,20 +32,87 @@ def changed(**channels):
 
 
 def test_the_unseen_part_of_the_road_drive_is_predicted(road):
-    """At most 0.20 N m from angle and speed alone, and no worse than without friction."""
+    """At most 0.18 N m from angle and speed alone, of 0.31 about the mean, and better than without friction."""
     dahl = road.row("dahl")
-    assert dahl.residual < 0.20
-    assert dahl.residual < road.row("viscous").residual < road.row("none").residual
+    assert dahl.residual < 0.18
+    assert dahl.adds_interval[0] > 0.0
+    assert dahl.residual < road.row("viscous").residual
     assert dahl.adds_interval[0] < dahl.adds < dahl.adds_interval[1]
-    assert 0.1 < dahl.level < 0.3  # regression; an outside fit finds a hysteresis of some 0.15 N m
+    assert 0.1 < dahl.level < 0.3  # regression
     assert road.chosen == "dry"
 
 
-def test_a_shape_that_does_not_hold_beyond_the_fitted_angles_is_refused(road):
-    """A cubic leaves several times as much where the largest lateral accelerations are left out."""
-    by_name = {each.name: each for each in road.shapes}
-    assert by_name["cubic"].beyond > 1.5 * by_name[road.shape].beyond
-    assert road.shape == "knee"
+@pytest.fixture(scope="module")
+def both():
+    """What both packaged drives say together."""
+    return identify([road_drive(), road_drive("mkz_2016_traffic")], laws=["dahl", "coulomb"])
+
+
+def test_friction_shows_in_every_tenth_of_the_drives(both):
+    """With road, law and all else chosen in the other nine tenths; outside fits left 0.27 N m of the traffic."""
+    _, traffic = both.alone
+    assert traffic.unseen.residual < 0.22
+    for found in (both, *both.alone):
+        print(f"{found.unseen.residual:.3f} {found.unseen.adds:.3f} {found.unseen.adds_interval}")
+        assert found.unseen.adds_interval[0] > 0.0
+        assert found.unseen.adds > found.unseen.least
+        assert found.chosen == "dry"
+
+
+def test_each_drive_predicts_the_other(both):
+    """One car: its friction, fitted to one road, takes error off the torque of the other one."""
+    assert {(each.fitted_on, each.judged_on) for each in both.across} == {(0, 1), (1, 0)}
+    for each in both.across:
+        assert each.residual < 0.25
+        assert each.adds_interval[0] > 0.0
+    assert both.differ == ()
+    for found, other in zip(both.alone, both.alone[::-1]):
+        low, high = other.row("dahl").level_interval
+        assert low - 0.01 < found.row("dahl").level < high + 0.01
+
+
+def test_a_drive_of_another_car_is_told(both):
+    """Twice the torque and another friction in the second drive: which terms differ is said."""
+    other = synthetic.traffic(3, "dahl", 1.2)
+    found = identify([road_drive(), other], laws=["dahl"])
+    assert "level" in found.differ
+
+
+def test_the_bank_of_the_road_is_found(both):
+    """A bank that follows the bends is the road's: without it the traffic leaves half as much again."""
+    traffic = both.alone[1].row("dahl").model
+    drive = both.drives[1]
+    left = [
+        np.std(on_samples(traffic._replace(balance=b), drive.angle, drive.speed, drive.dt) - drive.torque)
+        for b in (0.0, traffic.balance)
+    ]
+    assert 10.0 < np.sqrt(traffic.balance) < 25.0
+    assert left[0] > 1.5 * left[1]
+
+
+@pytest.mark.parametrize("car", ["compact", "vw_vanagon"])
+def test_the_equation_is_that_of_a_packaged_car(car):
+    """Without noise and friction it leaves at most a fifth of the hand torque of a car in stop-and-go on a banked road."""
+    made = synthetic.traffic(0, car=car, noise=0.0)
+    found = identify(made, laws=[])
+    left = np.sqrt(np.mean(found.row("viscous").blocks.sum() / found.drive.weight.sum()))
+    assert left < 0.2 * np.std(made["torsion_bar_torque"])
+
+
+MADE = [law for law in available() if law != "viscous"]
+
+
+@pytest.mark.parametrize("seed", [0, 5, *(pytest.param(i, marks=pytest.mark.whole) for i in range(20) if i not in (0, 5))])
+def test_stop_and_go_of_a_known_car(seed):
+    """Every dry law above the bar, from a car whose tyres scrub: its level within a fifth; and none where none is."""
+    rng, law, car = np.random.default_rng(seed), MADE[seed % len(MADE)], ("compact", "vw_vanagon")[seed // 10]
+    level, distance = rng.uniform(0.25, 0.6), np.radians(rng.uniform(0.1, 1.0))
+    found = identify(synthetic.traffic(seed, law, level, distance, car=car), laws=[law])
+    row = found.row(law)
+    print(f"{law} {level:.3f}: {row.level:.3f} {row.level_interval}")
+    assert found.chosen == "dry"
+    assert row.level == pytest.approx(level, rel=0.2)
+    assert identify(synthetic.traffic(seed, car=car), laws=[law]).chosen != "dry"
 
 
 def test_the_judging_part_does_not_choose_the_law(road):
@@ -56,22 +124,25 @@ def test_the_judging_part_does_not_choose_the_law(road):
 def test_the_prediction_needs_no_torque(road):
     """It is the same for an angle and a speed without any torque, and that which the residual was made of."""
     drive = synthetic.packaged()
-    found = predict(road.row("dahl").judged, *synthetic.of(drive))
+    found = predict(road.row("dahl").judged[0], *synthetic.of(drive))
     late = drive.time > drive.time[-1] * 0.65
     left = np.sqrt(np.mean((found - drive["torsion_bar_torque"])[late] ** 2))
     assert left == pytest.approx(road.row("dahl").residual, abs=0.005)  # rows in place of uniform samples
 
 
 def test_the_equation():
-    """A slow ramp without friction: offset, gradient and the steep part on centre, by hand."""
+    """A slow ramp without friction on a banked road, by hand: the slip of the tyres settles at rate times sigma/v."""
     prior = Prior(ratio=16.0, wheelbase=2.8, understeer=0.0025)
-    model = Model("knee", 0.1, {"T_0": 0.05, "k": 0.4, "T_c": 0.15, "C": 2.0, "I": 0.0}, None, prior)
+    terms = {"T_0": 0.05, "k": 0.4, "T_c": 0.15, "k_w": 0.5, "k_s": 8.0, "C": 2.0, "I": 0.0}
+    model = Model(0.1, terms, None, prior, balance=200.0)
     t = np.arange(0.0, 40.0, 0.02)
     angle = 0.002 * t
     torque = predict(model, t, angle, np.full_like(t, 25.0))
-    a = 25.0**2 * angle / (16.0 * (2.8 + 0.0025 * 25.0**2))
-    expected = 0.05 + 0.4 * a + 0.15 * np.tanh(a / 0.1) + 2.0 * 0.002
-    assert torque[200:-200] == pytest.approx(expected[200:-200], abs=1e-4)  # beside the ends of the low-pass
+    a = (25.0**2 - 200.0) * angle / (16.0 * (2.8 + 0.0025 * 25.0**2))
+    slip = 0.002 * 0.6 / 25.0
+    expected = 0.05 + 0.4 * a + 0.15 * np.tanh(a / 0.1) + 0.5 * angle + 8.0 * slip + 2.0 * 0.002
+    inside = slice(900, -900)  # of the road's smoothing, 400 m from both ends
+    assert torque[inside] == pytest.approx(expected[inside], abs=3e-4)
 
 
 @pytest.mark.parametrize("law", [law for law in available() if law != "viscous"])
@@ -151,7 +222,7 @@ def test_growth_with_the_load():
     """Three drives each, of the ten in docs/road_drive.md: 0.3 N m for each m/s2 beside 0.3 N m, or none."""
     for truth in (0.3, 0.0):
         found = [identify(synthetic.drive(seed, "dahl", 0.3, load=truth), laws=["dahl"]) for seed in range(30, 33)]
-        ends = [each.growth_interval for each in found]
+        ends = [each.changes["load"][1] for each in found]
         assert np.mean([(low > 0.0) == (truth > 0.0) for low, _ in ends]) >= 0.9
         assert np.mean([low <= truth <= high for low, high in ends]) >= 0.9
 
@@ -249,18 +320,28 @@ def test_gaps_are_left_out_and_told():
         prepared(drive.between(0.0, 20.0))
 
 
-def test_blocks_within_a_gap_do_not_narrow_an_interval():
-    """Thirteen blocks with as many empty ones between them give the estimates of the thirteen."""
-    n, rng = np.tile([1.0, 0.0], 13), np.random.default_rng(0)
-    h = n * rng.normal(1.0, 0.1, 26)
-    sums = fit.Sums(n[:, None, None], h[:, None], n + h, n)
-    holed = fit.Candidate(("level",), np.nan, np.nan, 0.0, sums)
-    whole = holed._replace(sums=fit.Sums(*(values[n > 0.0] for values in sums)))
-    ends = []
-    for each in (holed, whole):
-        draws = np.array([p[-1] for _, p in fit._drawn([each], np.random.default_rng(0))])
-        ends.append(fit._estimate(1.0, draws, fit._counted([each]).size, 1.0)[1])
-    assert ends[0] == ends[1]
+def test_blocks_within_a_gap_are_not_drawn():
+    """Blocks that hold nothing would narrow an interval."""
+    times = fit._drawn(26, np.arange(0, 26, 2), np.random.default_rng(0))
+    assert not times[:, 1::2].any()
+    assert (times.sum(axis=1) == 13.0).all()
+
+
+def test_what_is_no_driving_ahead_is_left_out_and_told():
+    """Standstill, reverse, and a speed that jumps as no car's does: the rest is fitted to about the same level."""
+    drive = road_drive("mkz_2016_traffic")
+    speed, t = drive["vehicle_speed"].copy(), drive.time
+    speed[(t > 60) & (t < 70)] = 0.0
+    speed[(t > 90) & (t < 95)] = -1.5
+    speed[(t > 120) & (t < 121)] += 15.0
+    spoiled = dataclasses.replace(drive, channels={**drive.channels, "vehicle_speed": speed})
+    found = prepared(spoiled)
+    for words in ("4% of the drive stands still", "2% of the drive is driven in reverse", "by more than 20 m/s2"):
+        assert any(words in note for note in found.notes), (words, found.notes)
+    for start, end in ((60.1, 69.9), (90.1, 94.9), (119.9, 120.1)):
+        assert not found.weight[(found.time > start) & (found.time < end)].any()
+    level = identify(found, laws=["dahl"]).row("dahl").level
+    assert level == pytest.approx(identify(drive, laws=["dahl"]).row("dahl").level, rel=0.2)
 
 
 def test_a_drive_without_corrections_has_no_law():

@@ -49,13 +49,15 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     options.add_page(parser, text, otherwise="none is written", full=True)
 
 
-def add_reading(parser: argparse._ActionsContainer) -> None:
-    """Add the options that say how a file is read, and which part of it is used."""
+def add_reading(parser: argparse._ActionsContainer, every: bool = False) -> None:
+    """Add the options that say how a file is read, and which part of it is used; ``every``: --map is for all files."""
+    parser.set_defaults(every=every)
     text = (
         "names, units, signs and delays of a file's channels; one for each recording in order, the last may have none"
     )
     parser.add_argument("--mapping", metavar="FILE.toml", nargs="+", action="extend", default=[], help=text)
-    text = "one channel of the first recording, e.g. handwheel_angle=SWA[deg],sign=-1,delay_ms=10; may be repeated"
+    whose = "all recordings" if every else "the first recording"
+    text = f"one channel of {whose}, e.g. handwheel_angle=SWA[deg],sign=-1,delay_ms=10; may be repeated"
     parser.add_argument("--map", dest="entries", metavar="ENTRY", action="append", default=[], help=text)
     text = "databases (.dbc, .kcd, .sym, .arxml) of CAN logs, which say what their frames hold"
     parser.add_argument("--dbc", metavar="FILE", nargs="+", action="extend", default=[], help=text)
@@ -236,8 +238,9 @@ def mapping_of(place: int, args: argparse.Namespace) -> Any:
     """The mapping of a recording by its place among those that are given."""
     from steer_env.recording import channel_mapping
 
-    chosen = channel_mapping.load(args.mapping[place]) if place < len(args.mapping) else channel_mapping.Mapping()
-    if place == 0:
+    given = args.mapping[place] if place < len(args.mapping) else None
+    chosen = channel_mapping.load(given) if given else channel_mapping.Mapping()
+    if place == 0 or args.every:
         chosen = chosen.with_entries(channel_mapping.parse_entry(text) for text in args.entries)
     return chosen
 

@@ -292,12 +292,13 @@ def _first_of(value: str) -> str:
     return ", ".join([*values[:4], "…"] if len(values) > 4 else values)
 
 
-def print_steering(found: Identified, name: str) -> None:
-    """Print what each law leaves of the hand torque of a drive, the kind of friction, and the verdict."""
+def print_steering(found: Identified, names: Sequence[str]) -> None:
+    """Print what each law leaves of the hand torque of drives, the kind of friction, and the verdict."""
     table = _table()
     for heading in (
         "law",
-        "left, not fitted [N m]",
+        "unseen blocks [N m]",
+        "last part [N m]",
         "95 % interval",
         "better than damping by",
         "95 %",
@@ -309,6 +310,7 @@ def print_steering(found: Identified, name: str) -> None:
         dry = row in found.dry
         table.add_row(
             steering_fit.title(row.name),
+            f"{row.crossed:.3f}",
             f"{row.residual:.3f}",
             _between(row.interval),
             f"{row.adds:.3f}",
@@ -317,14 +319,20 @@ def print_steering(found: Identified, name: str) -> None:
             _between(row.level_interval) if dry else "",
         )
     printer = console()
-    _print(printer, table, f"{name}: hand torque from angle and speed, where nothing was fitted")
+    _print(printer, table, f"{', '.join(names)}: hand torque from angle and speed, where nothing was fitted")
     plain: dict[str, Any] = {"highlight": False, "soft_wrap": True, "markup": False}
     if len(found.equals) > 1:
         printer.print(f"cannot be told apart: {', '.join(found.equals)}", **plain)
     printer.print(f"kind of friction: {found.chosen}", **plain)
     for text in at_ends(found):
         printer.print(text, **plain)
-    printer.print(steering_fit.page_of(found, name, "").verdict[0], **plain)
+    for each in found.across:
+        gain = f"friction gains {each.adds:.3f} N m [{each.adds_interval[0]:.3f}, {each.adds_interval[1]:.3f}]"
+        judged = f"fitted on {names[each.fitted_on]} and judged on {names[each.judged_on]}"
+        printer.print(f"{judged}: {each.residual:.3f} N m, {gain}", **plain)
+    if found.differ:
+        printer.print(f"the drives differ in {', '.join(found.differ)}: they may be of different cars", **plain)
+    printer.print(steering_fit.page_of(found, names, "").verdict[0], **plain)
 
 
 def _between(ends: tuple[float, float]) -> str:

@@ -1,7 +1,7 @@
 """Friction laws judged by records: fitted on the first part of a record, compared on the rest.
 
-Two are measured: that of the packaged rig, stretched to the level and the pre-sliding distance of a column, and the
-hand torque of a drive on a road, of which friction is a part. The synthetic ones are of each law, with noise, and tell
+Some are measured: that of the packaged rig, stretched to the level and the pre-sliding distance of a column, and the
+hand torque of drives on roads, of which friction is a part. The synthetic ones are of each law, with noise, and tell
 which law is taken for which.
 """
 
@@ -50,18 +50,18 @@ def rig() -> friction_record.FrictionRecord:
     return friction_record.FrictionRecord(r.x, r.torque, r.dt, units, r.load).to_column()
 
 
-ROAD = "mkz_2016"
+ROADS = ("mkz_2016", "mkz_2016_traffic")  # drives of one car: a motorway with bends, and stop-and-go
 
 
-def road_drive(name: str = ROAD) -> Recording:
+def road_drive(name: str = ROADS[0]) -> Recording:
     """A packaged drive on a road, a file of ``experiments/data/road`` with its mapping."""
     with as_file(resources("steer_env.experiments").joinpath("data", "road")) as folder:
         return read(folder / f"{name}.csv.gz", folder / f"{name}.toml")
 
 
 def judge_on_road(laws: Sequence[str]) -> Identified:
-    """The hand torque of the packaged drive with each law; a job of the sweep."""
-    return identify(road_drive(), laws=laws)
+    """The hand torque of the packaged drives, as of one car, with each law; a job of the sweep."""
+    return identify([road_drive(name) for name in ROADS], laws=laws)
 
 
 def repeatability(record: friction_record.FrictionRecord) -> float:
