@@ -29,6 +29,7 @@ SUITES = {
         "DriverObstacleAvoidance": "macadam",
         "DriverOnCentre": "angle_servo",
         "DriverParking": "angle_servo",
+        "DriverStopAndGo": "angle_servo",
         "DriverWindingRoad": "macadam",
     },
     "assists": {

@@ -61,6 +61,7 @@ CASES = {
     "on-centre-10ms": Case("DriverOnCentre", {"control_dt": 0.01}, "viscous", 2_000_000),
     "walking-pace-50ms": Case("DriverOnCentre", {"control_dt": 0.05, "speed": WALKING}, "viscous", 1_000_000),
     "walking-pace-10ms": Case("DriverOnCentre", {"control_dt": 0.01, "speed": WALKING}, "viscous", 2_000_000),
+    "stop-and-go-50ms": Case("DriverStopAndGo", {"control_dt": 0.05}, "viscous", 1_000_000),
     "release-50ms": Case(
         "AssistRelease", {"control_dt": 0.05, "speed": FAST, "randomise": DRY}, "viscous", 1_000_000, CALM
     ),

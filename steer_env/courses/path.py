@@ -13,7 +13,7 @@ SPACING = 1.0  # of the path's points [m]
 _WAVELENGTHS = (80.0, 120.0, 180.0, 270.0, 400.0)  # of a winding road [m]
 
 # Columns of a path, an array (N, 4) of points one metre apart: position [m], direction [rad], curvature [1/m].
-_X, _Y, _YAW, _CURVATURE = range(4)
+_X, _Y, _YAW, CURVATURE = range(4)
 
 
 def from_curvature(curvature: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -25,7 +25,7 @@ def from_curvature(curvature: NDArray[np.float64]) -> NDArray[np.float64]:
         x, y [m], direction [rad] and curvature [1/m], left positive.
     """
     path = np.zeros((len(curvature), 4))
-    path[:, _CURVATURE] = curvature
+    path[:, CURVATURE] = curvature
     _integrate(path)
     return path
 
@@ -35,7 +35,7 @@ def _integrate(path):
     """Fill position and direction of a path whose curvature is given and whose first point is the origin."""
     c, s = 1.0, 0.0
     for i in range(path.shape[0] - 1):
-        here, there = path[i, _CURVATURE], path[i + 1, _CURVATURE]
+        here, there = path[i, CURVATURE], path[i + 1, CURVATURE]
         middle = path[i, _YAW] + SPACING * (3.0 * here + there) / 8.0  # of a clothoid
         end = path[i, _YAW] + SPACING * (here + there) / 2.0
         c_end, s_end = math.cos(end), math.sin(end)
@@ -122,7 +122,7 @@ def locate(path, x, y, yaw, guess, step, out):
         else:
             break
     part = within(along, 0.0, SPACING)
-    k = path[i, _CURVATURE]
+    k = path[i, CURVATURE]
     # On an arc with the point's curvature the direction changes linearly and the offset from the tangent quadratically.
     c, s = math.cos(path[i, _YAW]), math.sin(path[i, _YAW])
     across = (y - path[i, _Y]) * c - (x - path[i, _X]) * s
@@ -136,7 +136,7 @@ def locate(path, x, y, yaw, guess, step, out):
         ahead = within(position + (j + 1) * step, 0.0, math.inf)
         n = within(int(ahead / SPACING), 0, last)
         part = ahead - SPACING * n
-        k = path[n, _CURVATURE] if n < last else 0.0
+        k = path[n, CURVATURE] if n < last else 0.0
         c, s = math.cos(path[n, _YAW]), math.sin(path[n, _YAW])
         left = 0.5 * k * part * part
         to_x, to_y = path[n, _X] + part * c - left * s - x, path[n, _Y] + part * s + left * c - y

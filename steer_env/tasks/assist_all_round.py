@@ -53,11 +53,7 @@ class AllRound(NamedTuple):
 
 
 def _draw_scenario(rng: np.random.Generator, options: Mapping[str, float]) -> tuple[int, float]:
-    drawn, share = int(rng.integers(len(PARTS))), float(rng.random())
-    scenario = options.get("scenario", drawn)
-    if scenario != round(scenario):
-        raise ValueError(f"reset option 'scenario' must be a whole number from 0 to 3, got {scenario}")
-    scenario = round(scenario)
+    scenario, share = TASK.draw_whole_option(rng, options, "scenario"), float(rng.random())
     low, high = SPEEDS[scenario]
     return scenario, (low + share * (high - low)) / 3.6
 

@@ -11,7 +11,7 @@ HEAVY = ("numba", "scipy", "matplotlib", "control", "stable_baselines3")
 def test_importing_the_package_loads_little():
     """It registers the ids; compiler, numerics, pictures and the tasks wait until an environment is made."""
     code = (
-        "import sys, gymnasium, steer_env; assert len(steer_env.REGISTERED) == 14; "
+        "import sys, gymnasium, steer_env; assert len(steer_env.REGISTERED) == 15; "
         "assert set(steer_env.REGISTERED) < set(gymnasium.registry); "
         "print(*sys.modules)"
     )

@@ -263,6 +263,15 @@ class Task:
         drawn = float(rng.uniform(low, high))  # drawn in both cases, so that later draws stay the same
         return drawn if name not in options else self.checked_option(name, options[name])
 
+    def draw_whole_option(self, rng: np.random.Generator, options: Mapping[str, float], name: str) -> int:
+        """A whole number of the episode: drawn evenly from all that the option allows, or as ``reset`` fixed it."""
+        low, high, _ = self.options[name]
+        drawn = int(rng.integers(int(low), int(high) + 1))
+        value = options.get(name, drawn)
+        if value != round(value):
+            raise ValueError(f"reset option {name!r} must be a whole number from {low:g} to {high:g}, got {value}")
+        return round(value)
+
     def checked_option(self, name: str, value: Any) -> float:
         """The value of a reset option; ValueError outside its range."""
         low, high, _ = self.options[name]
