@@ -56,6 +56,7 @@ def page_of(r: Results) -> Page:
         "factors": of_factors(r),
         "apart": apart(r),
         "speeds": speeds(r),
+        "felt": felt(r),
         "loops": in_loop(r),
         "confusion": confusion(r),
     }
@@ -278,6 +279,26 @@ def speeds(r: Results) -> dict[str, Any]:
         rows.append((label(metric), *(percent(cell, 2) for cell in cells)))
     fast, slow = (max((both[test].get(cases.LAW, 0.0) for both in common.values()), default=0.0) for test in BOTH)
     return {"fast": fast, "slow": slow, "rows": rows}
+
+
+def felt(r: Results) -> dict[str, Any]:
+    """What the law changes in the tests in which friction is most of what is felt."""
+    remembering = r.remembers()
+    rows = [row for row in r.effects if row.case.level in remembering]
+    of = {
+        factor: cases.by_test([row for row in rows if row.case.factor == factor], cases.FELT)
+        for factor in (cases.LAW, cases.MEASURED)
+    }
+    table = []
+    for test in of[cases.LAW]:
+        cells: list[str] = []
+        for factor in (cases.LAW, cases.MEASURED):
+            told = cases.summary(of[factor].get(test, ()))
+            most = f"{label(told.largest.metric)} {percent(told.largest.found.share, 2)}" if told.largest else "–"
+            cells += [f"{told.large} of {told.compared}", most]
+        table.append((test, *cells))
+    every = [row for rows_of in of[cases.LAW].values() for row in rows_of]
+    return {"rows": table, "summary": cases.summary(every), "tests": list(of[cases.LAW])}
 
 
 def in_loop(r: Results) -> dict[str, Any]:

@@ -51,7 +51,7 @@ def drive(seed, law=None, level=0.0, distance=DISTANCE, damping=1.2, noise=1.0, 
     level, distance : float
         Of the law [N m, rad].
     damping : float
-        C of (H1) [N m s/rad].
+        C of (H1), beside which nothing but a law dissipates [N m s/rad].
     noise : float
         Factor on what is left of the packaged drive, whose spectrum the noise has [1].
     steps : bool
@@ -65,7 +65,7 @@ def drive(seed, law=None, level=0.0, distance=DISTANCE, damping=1.2, noise=1.0, 
     angle = smoothed(of_spectrum(np.interp(time, recording.time, recording["handwheel_angle"]), rng), 1.0 / RATE)
     speed = np.interp(time, recording.time, recording["vehicle_speed"])
     left = recording["torsion_bar_torque"] - predict(found, *of(recording))
-    model = found._replace(terms={**found.terms, "C": damping}, friction=None)
+    model = found._replace(terms={**found.terms, "C": damping, "k_s": 0.0}, friction=None)
     torque = predict(model, time, angle, speed) + noise * of_spectrum(np.interp(time, recording.time, left), rng)
     if law is not None:
         grown = level + load * np.abs(lateral_acceleration(found.prior, angle, speed))

@@ -14,7 +14,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env import friction, manoeuvres
+from steer_env import drivers, friction, manoeuvres
 from steer_env.experiments.studies.common import battery
 from steer_env.experiments.studies.common.battery import MATTERS, Difference, Drive
 from steer_env.experiments.studies.common.scaling import scaled
@@ -44,7 +44,10 @@ ORDERS = ((2.0, "twice"), (8.0, "eight times"))  # in a turn of the column: a jo
 COLD, RATE = -30.0, 0.01  # temperature below that of the calibration [K], and decrease of friction by it [1/K]; assumed
 SUBSTEPS = (2, 4)  # steps in a sample of 1 ms
 COLUMN_FRICTION = 0.15  # above the torsion bar: column bearings and shaft, 0.1 to 0.2 N m; assumed [N m]
-DRIVER_TASKS = ("steer_env/AssistLaneKeeping-v3", "steer_env/AssistWeave-v3")  # a driver with arms in the loop
+# A driver with arms in the loop, and a servo of the angle in the place of hands that park or go with the traffic.
+DRIVER_TASKS = ("steer_env/AssistLaneKeeping-v3", "steer_env/AssistWeave-v3")
+SERVO_TASKS = ("steer_env/DriverParking-v3", "steer_env/DriverStopAndGo-v0")
+FELT = ("parking", "release", "returnability", "hold")  # tests in which friction is most of what is felt
 
 
 class Case(NamedTuple):
@@ -215,6 +218,12 @@ def summary(rows: Iterable[Effect]) -> Summary:
     )
 
 
+def by_test(rows: Iterable[Effect], tests: Sequence[str]) -> dict[str, list[Effect]]:
+    """Effects in some tests, by test."""
+    rows = list(rows)
+    return {test: found for test in tests if (found := [row for row in rows if row.test == test])}
+
+
 def by_factor(rows: Sequence[Effect]) -> dict[str, list[Effect]]:
     """Effects by factor, in the order of the cases."""
     found: dict[str, list[Effect]] = {}
@@ -240,15 +249,22 @@ class Driven(NamedTuple):
 
 
 def with_driver(job: tuple[str, Any, str, int]) -> Driven:
-    """Episodes in which a driver model with arms steers and only the car's own assist helps; a job of the sweep."""
+    """Episodes in which a driver model with arms steers and only the car's own assist helps; a job of the sweep.
+
+    In ``SERVO_TASKS`` the action is the hands', and a servo of the angle that knows of no law has it.
+    """
     name, p, task, episodes = job
     env = gym.make(task, friction=p)
+    servo = drivers.AngleServo(env) if task in SERVO_TASKS else None
     found: dict[str, list[float]] = {}
     for seed in range(episodes):
-        env.reset(seed=seed)
+        observation, info = env.reset(seed=seed)
+        if servo is not None:
+            servo.reset()
         over = False
         while not over:
-            _, _, terminated, truncated, info = env.step(np.zeros(env.action_space.shape, np.float32))
+            action = np.zeros(env.action_space.shape, np.float32) if servo is None else servo.act(observation)
+            observation, _, terminated, truncated, info = env.step(action)
             over = terminated or truncated
         for metric, value in info["metrics"].items():
             found.setdefault(metric, []).append(float(value))

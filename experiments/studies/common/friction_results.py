@@ -14,7 +14,7 @@ from steer_env.experiments.studies.common import (
     scaling,
 )
 from steer_env.experiments.studies.common.computing_time import Times
-from steer_env.experiments.studies.common.friction_cases import BASE_LAW, DRIVER_TASKS, Case, Driven, Effect
+from steer_env.experiments.studies.common.friction_cases import BASE_LAW, DRIVER_TASKS, SERVO_TASKS, Case, Driven, Effect
 from steer_env.experiments.studies.common.friction_records import Confusion, Judged
 from steer_env.experiments.studies.held_torque import Ripple
 from steer_env.experiments.sweep import Runner, run
@@ -134,7 +134,7 @@ def collect(
     jobs += [Job("held torque", law, (car, law)) for law in laws]
     jobs += [
         Job("driver", f"{law}, {task}", (law, p, task, scope.episodes))
-        for task in DRIVER_TASKS
+        for task in (*DRIVER_TASKS, *SERVO_TASKS)
         for law, p in laws.items()
     ]
     jobs += [
