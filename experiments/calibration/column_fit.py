@@ -5,8 +5,8 @@
 is the boost that replaces the table of the car: gradient s beyond a dead band T_d of the torsion-bar torque. With the
 factor D on the motor damping, and the level F_c and the pre-sliding distance x_c of the friction at the column, it is
 fitted by least squares to the parts of the drives that do not judge. The car follows handwheel angle and speed, and the
-bank of (H2), whose b is fitted for each drive in which the speed varies, pulls at its centre of gravity; the torque of a drive is only compared,
-less the offset T_0 that leaves least, which is added to that of the car.
+bank of (H2), whose b is fitted for each drive in which the speed varies, pulls at its centre of gravity; the torque of
+a drive is only compared, less the offset T_0 that leaves least, which is added to that of the car.
 
 Rack force, ratio and everything else are those of the car, so that a car with twice the rack force has twice 1 + s.
 
@@ -32,8 +32,8 @@ from scipy.optimize import least_squares, lsq_linear
 from steer_env import friction
 from steer_env.friction.numerics.thread_pool import one_blas_thread
 from steer_env.hand_torque import Drive, Identified
-from steer_env.hand_torque.drive import TORQUES as RECORDED
 from steer_env.hand_torque.drive import SLOWEST
+from steer_env.hand_torque.drive import TORQUES as RECORDED
 from steer_env.hand_torque.fit import X_C, blocks, interval_of, redrawn, widened
 from steer_env.hand_torque.model import RATE, bends, has_distance, stretched
 from steer_env.manoeuvres import Manoeuvre

@@ -7,7 +7,6 @@ the hands was recorded beside that of motor or torsion bar (docs/road_drive.md).
 
 import argparse
 from pathlib import Path
-from typing import Any
 
 from steer_env.experiments.cli.common import inputs, names, options
 from steer_env.experiments.cli.common.extras import require_format

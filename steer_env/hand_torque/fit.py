@@ -688,8 +688,8 @@ def _unseen(parts: _Parts, rows: Sequence[Fitted]) -> Unseen:
     used = np.flatnonzero(size)
     times = redrawn(used.size, 0, 4 * DRAWS)
     drawn = [np.sqrt(times @ each[used] / (times @ size[used])) for each in (by_name[VISCOUS].blocks, left)]
-    values = [float(np.sqrt(each.sum() / size.sum())) for each in (left, by_name[VISCOUS].blocks)]
-    return Unseen(*values, interval_of(drawn[0] - drawn[1]))
+    residual, without = (float(np.sqrt(each.sum() / size.sum())) for each in (left, by_name[VISCOUS].blocks))
+    return Unseen(residual, without, interval_of(drawn[0] - drawn[1]))
 
 
 def _changes(parts: _Parts, found: Identified) -> dict[str, tuple[float, Interval]]:
@@ -717,7 +717,10 @@ def _changes(parts: _Parts, found: Identified) -> dict[str, tuple[float, Interva
         value = whole.point.unit[2] * float(whole.p[-1]) / reach
         low, high = _about(value, grown, parts.count, free=True)
         rest = SYSTEMATIC * value
-        result[quantity] = value, (value - float(np.hypot(value - low, rest)), value + float(np.hypot(high - value, rest)))
+        result[quantity] = (
+            value,
+            (value - float(np.hypot(value - low, rest)), value + float(np.hypot(high - value, rest))),
+        )
     return result
 
 

@@ -16,9 +16,9 @@ at rest at the first sample. The twist of the torsion bar is part of the pre-sli
 positive torque turns left.
 
 Source: (H1) is the column's balance (C2) with assist and rack torque together as a function of a, th and S, which
-leaves a sixth of the hand torque of the packaged car on two tracks in stop-and-go; (H2) is the steady single-track model
-with ratio i, wheelbase l and understeer K, on a road whose bank follows its bends; (H4) is the turn slip of a rolling
-contact, with the relaxation of a lateral deflection (Pacejka, Tyre and Vehicle Dynamics, chapters 5 and 9).
+leaves a sixth of the hand torque of the packaged car on two tracks in stop-and-go; (H2) is the steady single-track
+model with ratio i, wheelbase l and understeer K, on a road whose bank follows its bends; (H4) is the first-order
+relaxation of a rolling contact (Pacejka, Tyre and Vehicle Dynamics) for the angle that it is turned by.
 """
 
 import math

@@ -92,7 +92,7 @@ def test_the_bank_of_the_road_is_found(both):
 
 @pytest.mark.parametrize("car", ["compact", "vw_vanagon"])
 def test_the_equation_is_that_of_a_packaged_car(car):
-    """Without noise and friction it leaves at most a fifth of the hand torque of a car in stop-and-go on a banked road."""
+    """Without noise and friction it leaves at most a fifth of the hand torque of a car in stop-and-go."""
     made = synthetic.traffic(0, car=car, noise=0.0)
     found = identify(made, laws=[])
     left = np.sqrt(np.mean(found.row("viscous").blocks.sum() / found.drive.weight.sum()))
@@ -102,7 +102,9 @@ def test_the_equation_is_that_of_a_packaged_car(car):
 MADE = [law for law in available() if law != "viscous"]
 
 
-@pytest.mark.parametrize("seed", [0, 5, *(pytest.param(i, marks=pytest.mark.whole) for i in range(20) if i not in (0, 5))])
+@pytest.mark.parametrize(
+    "seed", [0, 5, *(pytest.param(i, marks=pytest.mark.whole) for i in range(20) if i not in (0, 5))]
+)
 def test_stop_and_go_of_a_known_car(seed):
     """Every dry law above the bar, from a car whose tyres scrub: its level within a fifth; and none where none is."""
     rng, law, car = np.random.default_rng(seed), MADE[seed % len(MADE)], ("compact", "vw_vanagon")[seed // 10]

@@ -86,9 +86,9 @@ def of(recording):
 def traffic(seed, law=None, level=0.0, distance=DISTANCE, *, above=True, car="compact", noise=1.0, duration=240.0):
     """A drive in stop-and-go of a packaged car on two tracks, as its logger would keep it.
 
-    The angle has the spectrum of the packaged drive in traffic, the speed is its, from a random instant on. Tyres scrub,
-    the assist amplifies, the road is banked in its bends and rough. Friction is above the torsion bar, where the hands
-    feel all of it, or at the column below it. ``noise`` is a factor on roughness and sensors.
+    The angle has the spectrum of the packaged drive in traffic, the speed is its, from a random instant on. Tyres
+    scrub, the assist amplifies, the road is banked in its bends and rough. Friction is above the torsion bar, where the
+    hands feel all of it, or at the column below it. ``noise`` is a factor on roughness and sensors.
     """
     rng, recording = np.random.default_rng(seed), road_drive("mkz_2016_traffic")
     time = np.arange(0.0, duration, 0.01)

@@ -255,7 +255,7 @@ def with_driver(job: tuple[str, Any, str, int]) -> Driven:
     """
     name, p, task, episodes = job
     env = gym.make(task, friction=p)
-    servo = drivers.AngleServo(env) if task in SERVO_TASKS else None
+    servo, nothing = drivers.AngleServo(env) if task in SERVO_TASKS else None, np.zeros(1, np.float32)
     found: dict[str, list[float]] = {}
     for seed in range(episodes):
         observation, info = env.reset(seed=seed)
@@ -263,7 +263,7 @@ def with_driver(job: tuple[str, Any, str, int]) -> Driven:
             servo.reset()
         over = False
         while not over:
-            action = np.zeros(env.action_space.shape, np.float32) if servo is None else servo.act(observation)
+            action = nothing if servo is None else servo.act(observation)
             observation, _, terminated, truncated, info = env.step(action)
             over = terminated or truncated
         for metric, value in info["metrics"].items():

@@ -14,7 +14,14 @@ from steer_env.experiments.studies.common import (
     scaling,
 )
 from steer_env.experiments.studies.common.computing_time import Times
-from steer_env.experiments.studies.common.friction_cases import BASE_LAW, DRIVER_TASKS, SERVO_TASKS, Case, Driven, Effect
+from steer_env.experiments.studies.common.friction_cases import (
+    BASE_LAW,
+    DRIVER_TASKS,
+    SERVO_TASKS,
+    Case,
+    Driven,
+    Effect,
+)
 from steer_env.experiments.studies.common.friction_records import Confusion, Judged
 from steer_env.experiments.studies.held_torque import Ripple
 from steer_env.experiments.sweep import Runner, run
