@@ -174,11 +174,11 @@ def fit_column(
         terms,
         intervals,
         tuple(dict(zip(_compared(d), map(float, each))) for d, each in zip(drives, offsets)),
-        residual[law],
-        residual[None] - residual[law],
-        interval_of(drawn[None] - drawn[law]),
-        tuple(dict.fromkeys(limited)),
-        one_site(drives[0]) or ("" if law else NO_LAW),
+        residual=residual[law],
+        adds=residual[None] - residual[law],
+        adds_interval=interval_of(drawn[None] - drawn[law]),
+        limited=tuple(dict.fromkeys(limited)),
+        one_site=one_site(drives[0]) or ("" if law else NO_LAW),
     )
 
 
