@@ -6,6 +6,7 @@ the hands was recorded beside that of motor or torsion bar (docs/road_drive.md).
 """
 
 import argparse
+from itertools import count
 from pathlib import Path
 
 from steer_env.experiments.cli.common import inputs, names, options
@@ -46,7 +47,10 @@ def run(args: argparse.Namespace) -> None:
     if len(args.mapping) > len(places):
         raise ValueError(f"{len(args.mapping)} mappings are given for {len(places)} drives")
     stems = [Path(path).name.partition(".")[0] for path in places]
-    labels = [each if each not in stems[:i] else f"{each}_{stems[: i + 1].count(each)}" for i, each in enumerate(stems)]
+    labels: list[str] = []
+    for stem in stems:
+        others = (f"{stem}_{i}" for i in count(2))
+        labels.append(stem if stem not in labels else next(each for each in others if each not in labels + stems))
 
     from steer_env.experiments.calibration.column_fit import ColumnFit, fit_column
     from steer_env.experiments.cli.common.tables import print_steering

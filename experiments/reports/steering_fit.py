@@ -159,7 +159,13 @@ def as_json(found: Identified, names: Sequence[str], of_car: ColumnFit | str) ->
             for name, (value, ends) in found.changes.items()
         },
         "across": [
-            {**each._asdict(), "fitted_on": names[each.fitted_on], "judged_on": names[each.judged_on]}
+            {
+                "fitted_on": names[each.fitted_on],
+                "judged_on": names[each.judged_on],
+                "residual": each.residual,
+                "adds": _plain(each.adds),
+                "adds_interval": [_plain(x) for x in each.adds_interval],
+            }
             for each in found.across
         ],
         "by_each_drive": {

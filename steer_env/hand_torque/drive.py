@@ -24,6 +24,7 @@ BESIDE = 0.5  # of what is left out, on both sides, as the low-pass reaches ther
 SLOWEST = 1.0  # below, tyres are turned on the spot and not as they roll; assumed [m/s]
 STANDSTILL = 0.1  # speed up to which a car stands; assumed [m/s]
 JUMP = 20.0  # change of the speed that is the sensor's and not the car's; assumed [m/s2]
+FASTEST = 70.0  # that no recorded drive reaches, 99th percentile of the speed; assumed [m/s]
 LARGEST = 12.0  # lateral acceleration that no passenger car reaches, 99th percentile of the drive [m/s2]
 STILL = np.radians(0.15)  # standard deviation of an angle that is not steered; assumed [rad]
 TURN = np.radians(0.5)  # travel between two reversals that counts as a correction; assumed [rad]
@@ -108,7 +109,7 @@ def prepared(recording: Recording, prior: Prior | None = None, slowest: float = 
     if turns < FEWEST:
         notes += (
             f"the angle turns back {turns} times after {np.degrees(TURN):g} deg or more, and friction shows at such "
-            f"corrections: {FEWEST} are needed, so that no friction law is fitted",
+            f"corrections: {FEWEST} are needed, so that no friction law is fitted to this drive by itself",
         )
     fine = low_passed("handwheel_angle", read["handwheel_angle"], FINE, RATE)
     return Drive(
@@ -172,7 +173,7 @@ def even(recording: Recording, named: dict[str, str]) -> tuple[Array, Array, tup
     Raises
     ------
     ValueError
-        For a channel without values.
+        For a channel without values, or with too few of them a second.
     """
     time = np.arange(recording.time[0], recording.time[-1], 1.0 / RATE)
     weight, notes = np.ones_like(time), []
@@ -182,6 +183,12 @@ def even(recording: Recording, named: dict[str, str]) -> tuple[Array, Array, tup
         there = ~np.isnan(recording[name])
         if there.sum() < 2:
             raise ValueError(f"{name} has no values: check the column of {channel}")
+        step = float(np.median(np.diff(recording.time[there])))
+        if channel in named and step > (1.0 - 1e-6) * GAP:
+            raise ValueError(
+                f"{name} has {1.0 / step:.3g} values a second, and more than {1.0 / GAP:g} are needed: record it with "
+                f"{2.0 / GAP:g} or more"
+            )
         at = np.concatenate([recording.time[:1], recording.time[there], recording.time[-1:]])
         for k in np.flatnonzero(np.diff(at) > GAP):
             inside = (time > at[k] - BESIDE) & (time < at[k + 1] + BESIDE)
@@ -219,13 +226,19 @@ def at_instants(recording: Recording, name: str, time: Array) -> Array:
 
 
 def _check_unit(prior: Prior, angle: Array, speed: Array) -> None:
-    """ValueError for an angle that would be a turn of no car, or none at all."""
+    """ValueError for a speed of no drive, and for an angle that would be a turn of no car, or none at all."""
+    fast = float(np.quantile(speed, 0.99))
+    if fast > FASTEST:
+        raise ValueError(
+            f"the speed reaches {fast:.4g} m/s, {3.6 * fast:.0f} km/h: is it in km/h? Give the unit, "
+            "--map vehicle_speed=NAME[km/h]"
+        )
     turn = float(np.quantile(np.abs(lateral_acceleration(prior, angle, speed)), 0.99))
     if turn > LARGEST:
         raise ValueError(
             f"the handwheel angle, up to {np.degrees(np.abs(angle).max()):.4g} deg at {3.6 * speed.mean():.0f} km/h, "
             f"would be a lateral acceleration of {turn:.3g} m/s2: is it in deg, or the speed in km/h? Give the unit, "
-            "--map handwheel_angle=NAME[deg]"
+            "--map handwheel_angle=NAME[deg] or --map vehicle_speed=NAME[km/h]"
         )
     if np.std(angle) < STILL:
         raise ValueError(

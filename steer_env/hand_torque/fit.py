@@ -136,7 +136,7 @@ class Across(NamedTuple):
     fitted_on: int
     judged_on: int
     residual: float  # root mean square [N m]
-    adds: float  # by how much dry friction leaves less than damping alone [N m]
+    adds: float  # by how much dry friction leaves less than damping alone; NaN without a law [N m]
     adds_interval: Interval  # 95 % [N m]
 
 
@@ -189,17 +189,18 @@ class Identified(NamedTuple):
         """Shared terms, or "level", whose intervals of two drives do not meet: they may be of different cars."""
         found = []
         for term in (*self.best.model.terms, *(("level",) if self.dry else ())):
-            ends = self.agreement(term)
+            ends = [each for each in self.agreement(term) if np.isfinite(each).all()]
             if term != "T_0" and ends and max(low for low, _ in ends) > min(high for _, high in ends):
                 found.append(term)
         return tuple(found)
 
     def agreement(self, term: str) -> tuple[Interval, ...]:
-        """The interval of a shared term, or of "level" or "x_c", from each drive by itself."""
+        """The interval of a shared term, or of "level" or "x_c", from each drive by itself; NaN where it tells none."""
         found = []
         for each in self.alone:
             row = each.best
-            found.append({"level": row.level_interval, "x_c": row.x_c_interval, **row.intervals}[term])
+            level = row.level_interval if each.dry else (np.nan, np.nan)  # with too few corrections none is fitted
+            found.append({"level": level, "x_c": row.x_c_interval, **row.intervals}[term])
         return tuple(found)
 
 
@@ -232,10 +233,11 @@ def identify(
     Raises
     ------
     ValueError
-        As :func:`steer_env.hand_torque.prepared`, and for an unknown law or a share out of range.
+        As :func:`steer_env.hand_torque.prepared`, for no drive or one that is given twice, too little of use in
+        either part of a drive, and for an unknown law or a share out of range.
     """
     given = [recordings] if isinstance(recordings, (Recording, Drive)) else list(recordings)
-    drives = tuple(each if isinstance(each, Drive) else prepared(each, prior) for each in given)
+    drives = _of_one_car([each if isinstance(each, Drive) else prepared(each, prior) for each in given])
     share = number("held_out", held_out, minimum=0.1, maximum=0.6)
     dry = [law for law in (available() if laws is None else laws) if law != VISCOUS]
     for law in dry:
@@ -254,6 +256,30 @@ def identify(
         alone = tuple(identify(each, laws=own, held_out=share, seed=seed) for each in drives)
         found = found._replace(alone=alone, across=_across(parts, alone))
     return found
+
+
+def _of_one_car(drives: Sequence[Drive]) -> tuple[Drive, ...]:
+    """The drives with one gain of the lateral acceleration, as that is the car's; told where a prior is not shared.
+
+    ValueError for no drive, or one that is given twice, which would narrow every interval.
+    """
+    if not drives:
+        raise ValueError("no drive is given: give one or more of one car")
+    for j, drive in enumerate(drives):
+        for i, other in enumerate(drives[:j]):
+            if np.array_equal(drive.angle, other.angle) and np.array_equal(drive.torque, other.torque):
+                raise ValueError(f"drives {i + 1} and {j + 1} are the same: give each drive once")
+    measured = [drive.prior.gain for drive in drives if drive.prior.gain != 1.0]
+    if len({drive.prior.gain for drive in drives}) > 1:
+        gain = float(np.mean(measured))
+        note = f"the gain of the lateral acceleration is the mean of the drives that show it: {gain:.3g}"
+        drives = [drive._replace(prior=drive.prior._replace(gain=gain), notes=(*drive.notes, note)) for drive in drives]
+    first = drives[0].prior
+    note = (
+        f"ratio, wheelbase and understeer are not those of the first drive, {first.ratio:g}, {first.wheelbase:g} m and "
+        f"{first.understeer:g} rad s2/m, as they are where the car is the same: give the [meta] of both mappings alike"
+    )
+    return tuple(drive if drive.prior == first else drive._replace(notes=(*drive.notes, note)) for drive in drives)
 
 
 def at_ends(found: Identified) -> tuple[str, ...]:
@@ -291,15 +317,23 @@ class _Parts:
         counts = [int(block.max()) + 1 for block in self.block]
         last = [max(round(share * count), 1) for count in counts]
         self.firsts = tuple(int(np.searchsorted(block, n - k)) for block, n, k in zip(self.block, counts, last))
+        for i, (drive, first) in enumerate(zip(drives, self.firsts)):
+            for name, part in (("fitted", drive.weight[:first]), ("judging", drive.weight[first:])):
+                if part.sum() < 2.0 * BLOCK * RATE:
+                    raise ValueError(
+                        f"the {name} part of {f'drive {i + 1}' if len(drives) > 1 else 'the drive'} has "
+                        f"{part.sum() / RATE:.2g} s of use, and {2.0 * BLOCK:g} are needed: change held_out, use a "
+                        "part of the drive without the gap, or take a longer drive"
+                    )
         self.whole = [np.ones(count) for count in counts]
         self.early = [(np.arange(n) < n - k).astype(float) for n, k in zip(counts, last)]
-        parted = [np.array_split(np.arange(count), FOLDS) for count in counts]
-        self.folds = [[each[k] for each in parted] for k in range(FOLDS)]
         self._references = [
             table_of(drive, block, REFERENCE, _units(REFERENCE)[1::4]) for drive, block in zip(drives, self.block)
         ]
         self.sizes = [table.n for table in self._references]
         self.used = [np.flatnonzero(size) for size in self.sizes]  # blocks within a gap hold nothing
+        parted = [_tenths(size) for size in self.sizes]
+        self.folds = [[np.flatnonzero(each == k) for each in parted] for k in range(FOLDS)]
         rng = np.random.default_rng(seed)
         self.draws = [_drawn(n, used, rng) for n, used in zip(counts, self.used)]
         self.roads, self.early_roads = self._seen(self.whole), self._seen(self.early)
@@ -330,6 +364,13 @@ class _Parts:
             grid = [Point((r,), a_c, u) for r, a_c, u in product(roads, widths, _units(REFERENCE)[1::4])]
             found.append(best([table], [each], grid, _names(REFERENCE)).point.roads[0])
         return tuple(found)
+
+
+def _tenths(size: Array) -> NDArray[np.int64]:
+    """Fold of each block (B,), so that every fold has alike many blocks that hold samples, where there are enough."""
+    place = np.maximum(np.cumsum(size > 0.0) - 1, 0)
+    shares = [each.size for each in np.array_split(np.flatnonzero(size), FOLDS)]
+    return np.repeat(np.arange(FOLDS), shares)[place]
 
 
 def _beside(balance: float) -> tuple[float, ...]:
@@ -617,11 +658,6 @@ def _answer(parts: _Parts, rows: list[Fitted]) -> Identified:
         np.flatnonzero((np.arange(drive.time.size) >= first) & (drive.weight > 0.0))
         for drive, first in zip(drives, firsts)
     ]
-    for used in late:
-        if used.size < 2.0 * BLOCK * RATE:
-            raise ValueError(
-                f"the judging part has {used.size / RATE:.2g} s of use: raise held_out, or take a longer drive"
-            )
     measured = np.concatenate([drive.torque[used] for drive, used in zip(drives, late)])
     predicted = {
         row.name: np.concatenate(
@@ -654,7 +690,7 @@ def _answer(parts: _Parts, rows: list[Fitted]) -> Identified:
         (float(np.sqrt(np.mean((predicted[a] - predicted[b]) ** 2))) for a in equals for b in equals), default=0.0
     )
     found = Identified(drives, firsts, tuple(judged), NONE, tuple(equals), apart, _unseen(parts, judged), {})
-    return found._replace(chosen=_chosen(found), changes=_changes(parts, found) if dry else {})
+    return found._replace(chosen=_chosen(parts, found), changes=_changes(parts, found) if dry else {})
 
 
 class _Judge:
@@ -724,20 +760,17 @@ def _changes(parts: _Parts, found: Identified) -> dict[str, tuple[float, Interva
     return result
 
 
-def _chosen(found: Identified) -> str:
-    """The richest of none, viscous and dry that beats the one before it, by blocks predicted from the others.
+def _chosen(parts: _Parts, found: Identified) -> str:
+    """The richest of none, viscous and dry that is shown by blocks predicted from the others.
 
-    It beats it where the 95 % interval of the sum of squares that it saves, from blocks drawn anew, is above zero, and
-    so is that of its level.
+    Damping is shown where the 95 % interval of the sum of squares that it saves, from blocks drawn anew, is above zero;
+    a dry law where the intervals of its gain, with the law chosen in those others, and of its level are.
     """
-    chosen = NONE
-    kinds = [(VISCOUS, found.row(VISCOUS)), *((DRY, row) for row in sorted(found.dry, key=lambda row: row.crossed)[:1])]
-    for kind, row in kinds:
-        saved = (found.row(NONE) if chosen == NONE else found.row(VISCOUS)).blocks - row.blocks
-        times = redrawn(saved.size, 0, 4 * DRAWS)
-        if interval_of(times @ saved)[0] > 0.0 and (kind == VISCOUS or row.level_interval[0] > 0.0):
-            chosen = kind
-    return chosen
+    if found.dry and found.unseen.adds_interval[0] > 0.0 and found.best.level_interval[0] > 0.0:
+        return DRY
+    used = np.concatenate(parts.sizes) > 0.0
+    saved = (found.row(NONE).blocks - found.row(VISCOUS).blocks)[used]
+    return VISCOUS if interval_of(redrawn(saved.size, 0, 4 * DRAWS) @ saved)[0] > 0.0 else NONE
 
 
 def _across(parts: _Parts, alone: Sequence[Identified]) -> tuple[Across, ...]:
@@ -750,9 +783,10 @@ def _across(parts: _Parts, alone: Sequence[Identified]) -> tuple[Across, ...]:
             late = np.flatnonzero((np.arange(drive.time.size) >= first) & (drive.weight > 0.0))
             judge = _Judge(drive.torque[late])
             with_law, without = (_lent(row.model, drive, first)[late] for row in (own.best, own.row(VISCOUS)))
-            gain = interval_of(judge.drawn(without) - judge.drawn(with_law))
-            residual = judge.left(with_law)
-            found.append(Across(i, j, residual, judge.left(without) - residual, gain))
+            residual, gain, ends = judge.left(with_law), np.nan, (np.nan, np.nan)
+            if own.dry:
+                gain, ends = judge.left(without) - residual, interval_of(judge.drawn(without) - judge.drawn(with_law))
+            found.append(Across(i, j, residual, gain, ends))
     return tuple(found)
 
 

@@ -186,18 +186,22 @@ def test_a_car_that_cannot_be_driven_is_told(tmp_path, capsys):
 
 def test_two_drives_of_one_car(tmp_path, capsys):
     """One steering from a packaged drive and a file of its own, whose columns ``--map`` names."""
-    made = synthetic.traffic(4, "dahl", 0.3, duration=150.0)
-    table = np.column_stack([made.time, *(made[name] for name in synthetic.UNITS)])
-    path, out = tmp_path / "own.csv", tmp_path / "out"
-    np.savetxt(path, table, delimiter=",", header="t[s],SWA[rad],EPS_Tq[Nm],v[m/s]", comments="")
+    out, paths = tmp_path / "out", [str(tmp_path / folder / "own.csv") for folder in "ab"]
+    for seed, path in zip((4, 5), paths):
+        made = synthetic.traffic(seed, "dahl", 0.3, duration=150.0)
+        table = np.column_stack([made.time, *(made[name] for name in synthetic.UNITS)])
+        Path(path).parent.mkdir()
+        np.savetxt(path, table, delimiter=",", header="t[s],SWA[rad],EPS_Tq[Nm],v[m/s]", comments="")
     told = ["--map", "handwheel_angle=SWA", "--map", "torsion_bar_torque=EPS_Tq", "--map", "vehicle_speed=v"]
-    assert main(["fit-steering", str(path), str(path), *told, "--law", "dahl", "--out", str(out)]) == 0
+    assert main(["fit-steering", *paths, *told, "--law", "dahl", "--out", str(out)]) == 0
     found = json.loads((out / "fit.json").read_text())
     assert [(each["fitted_on"], each["judged_on"]) for each in found["across"]] == [("own", "own_2"), ("own_2", "own")]
-    assert found["by_each_drive"]["level"]["intervals"][0] == found["by_each_drive"]["level"]["intervals"][1]
-    assert found["differ"] == []
+    assert len(found["by_each_drive"]["level"]["intervals"]) == 2
+    assert "level" not in found["differ"]
     assert "fitted on own and judged on own_2" in capsys.readouterr().out
     assert len(found["car"]["offsets"]) == 2
+    assert main(["fit-steering", paths[0], paths[0], *told, "--out", str(out)]) == 2
+    assert "the same" in capsys.readouterr().err
     assert main(["fit-steering", "mkz_2016", "nothing.csv"]) == 2
     assert "nothing.csv" in capsys.readouterr().err
 

@@ -346,8 +346,8 @@ def test_what_is_no_driving_ahead_is_left_out_and_told():
     assert level == pytest.approx(identify(drive, laws=["dahl"]).row("dahl").level, rel=0.2)
 
 
-def test_a_drive_without_corrections_has_no_law():
-    """One slow bend: the rest of the equation is fitted, and no law."""
+def one_slow_bend():
+    """A drive of 90 s with three corrections."""
     t = np.arange(0.0, 90.0, 0.02)
     angle = 0.08 * np.sin(2.0 * np.pi * t / 60.0)
     noise = np.random.default_rng(0).normal(0.0, 0.08, t.size)
@@ -356,7 +356,86 @@ def test_a_drive_without_corrections_has_no_law():
         "torsion_bar_torque": 5.0 * angle + noise,
         "vehicle_speed": np.full_like(t, 25.0),
     }
-    found = identify(Recording(t, values, synthetic.UNITS))
+    return Recording(t, values, synthetic.UNITS)
+
+
+def test_a_drive_without_corrections_has_no_law():
+    """One slow bend: the rest of the equation is fitted, and no law."""
+    found = identify(one_slow_bend())
     assert found.dry == ()
     assert found.chosen != "dry"
     assert any("no friction law is fitted" in note for note in found.drive.notes)
+
+
+def test_a_drive_with_too_few_corrections_has_no_level_of_its_own():
+    """Beside another one it is fitted with a law; by itself it neither agrees nor differs in the level."""
+    found = identify([synthetic.traffic(1, "dahl", 0.4), one_slow_bend()], laws=["dahl"])
+    assert found.dry
+    assert found.alone[1].dry == ()
+    assert "level" not in found.differ
+    assert np.isfinite(found.agreement("level")[0]).all()
+    assert np.isnan(found.agreement("level")[1]).all()
+    assert [np.isnan(each.adds) for each in found.across] == [False, True]
+
+
+def between(drive, start, end):
+    """The drive without its torque outside of a part [s]."""
+    time = drive.time - drive.time[0]
+    torque = np.where((time >= start) & (time <= end), drive["torsion_bar_torque"], np.nan)
+    return dataclasses.replace(drive, channels={**drive.channels, "torsion_bar_torque": torque})
+
+
+def test_a_part_within_a_gap_is_refused():
+    traffic = road_drive("mkz_2016_traffic")
+    for part, start, end in (("fitted", 170.0, 250.0), ("judging", 0.0, 150.0)):
+        with refused([f"the {part} part of the drive", "held_out"]):
+            identify(between(traffic, start, end), laws=[])
+        with refused([f"the {part} part of drive 2"]):
+            identify([synthetic.packaged(), between(traffic, start, end)], laws=[])
+
+
+def test_folds_hold_samples_where_a_gap_is_long():
+    """Of a drive that is used in a tenth of it, every fold leaves some to be fitted."""
+    size = np.zeros(200)
+    size[121:141] = 250.0
+    fold = fit._tenths(size)
+    assert fold.size == size.size
+    assert (np.bincount(fold, size, 10) == 500.0).all()
+    assert (np.diff(fold) >= 0).all()
+    np.testing.assert_array_equal(fit._tenths(np.ones(26)), np.repeat(range(10), [3] * 6 + [2] * 4))
+
+
+def test_no_drive_and_a_drive_given_twice_are_refused(road):
+    with refused(["no drive"]):
+        identify([])
+    with refused(["drives 1 and 3 are the same"]):
+        identify([road.drive, prepared(road_drive("mkz_2016_traffic")), road.drive])
+
+
+def test_drives_of_one_car_have_one_gain():
+    """A yaw rate in one of them tells that of both; and other ratios in the meta are told."""
+    drive, other = prepared(synthetic.packaged()), prepared(road_drive("mkz_2016_traffic"))
+    measured = drive._replace(prior=drive.prior._replace(gain=1.6))
+    found = fit._of_one_car([other, measured])
+    assert [each.prior.gain for each in found] == [1.6, 1.6]
+    assert "the mean of the drives that show it: 1.6" in found[0].notes[-1]
+    found = fit._of_one_car([other, drive._replace(prior=drive.prior._replace(ratio=20.0))])
+    assert "ratio, wheelbase and understeer are not those of the first drive" in found[1].notes[-1]
+    assert fit._of_one_car([other, drive]) == (other, drive)
+
+
+def test_a_speed_of_no_drive_and_too_few_rows_are_refused():
+    drive = road_drive("mkz_2016_traffic")
+    with refused(["362 km/h", "--map vehicle_speed=NAME[km/h]"]):
+        prepared(dataclasses.replace(drive, channels={**drive.channels, "vehicle_speed": 3.6 * drive["vehicle_speed"]}))
+    time = np.arange(drive.time[0], drive.time[-1], 0.1)
+    values = {name: np.interp(time, drive.time, each) for name, each in drive.channels.items()}
+    with refused(["has 10 values a second", "20 or more"]):
+        prepared(Recording(time, values, drive.units, drive.meta))
+
+
+def test_the_kind_is_that_of_the_gain_on_unseen_blocks(road):
+    """The law that does best on unseen blocks does not say itself that it is shown."""
+    parts = fit._Parts(road.drives, fit.HELD_OUT, 0)
+    assert fit._chosen(parts, road) == "dry"
+    assert fit._chosen(parts, road._replace(unseen=road.unseen._replace(adds_interval=(-0.001, 0.02)))) == "viscous"

@@ -328,6 +328,7 @@ def print_steering(found: Identified, names: Sequence[str]) -> None:
         printer.print(text, **plain)
     for each in found.across:
         gain = f"friction gains {each.adds:.3f} N m [{each.adds_interval[0]:.3f}, {each.adds_interval[1]:.3f}]"
+        gain = gain if found.alone[each.fitted_on].dry else "without a friction law"
         judged = f"fitted on {names[each.fitted_on]} and judged on {names[each.judged_on]}"
         printer.print(f"{judged}: {each.residual:.3f} N m, {gain}", **plain)
     if found.differ:
