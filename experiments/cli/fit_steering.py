@@ -44,8 +44,6 @@ def run(args: argparse.Namespace) -> None:
     places = _places(args)
     require_format([*places])
     check_can([*places], args)
-    if len(args.mapping) > len(places):
-        raise ValueError(f"{len(args.mapping)} mappings are given for {len(places)} drives")
     stems = [Path(path).name.partition(".")[0] for path in places]
     labels: list[str] = []
     for stem in stems:
@@ -101,8 +99,12 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _places(args: argparse.Namespace) -> list[str]:
-    """Paths of the drives, of which packaged ones have their own mappings unless one is given for each drive."""
-    given, found = list(args.mapping), []
+    """Paths of the drives, of which packaged ones have their own mappings unless one is given for each drive.
+
+    ValueError for mappings or a ``--map`` that are not told which drive they are for.
+    """
+    asked, found = list(args.mapping), list[str]()
+    given = list(asked)
     every = len(given) == len(args.drives)
     args.mapping = []
     for name in args.drives:
@@ -115,5 +117,13 @@ def _places(args: argparse.Namespace) -> list[str]:
             args.mapping.append(given.pop(0))
         else:
             args.mapping.append(own.mapping[0] if own.mapping else None)
-    args.mapping += given
+    whose = [name for name in args.drives if name in names.road_drives()]
+    if given:
+        told = f", of which {len(whose)} packaged with mappings of their own" if whose else ""
+        raise ValueError(f"{len(asked)} mappings are given for {len(args.drives)} drives{told}")
+    if args.entries and whose and len(whose) < len(args.drives) and not every:
+        raise ValueError(
+            f"--map is for all drives, and {whose[0]}, which is packaged, has names of its own: give those of the other "
+            "drives in a --mapping"
+        )
     return found

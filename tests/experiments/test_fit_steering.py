@@ -217,6 +217,15 @@ def test_an_unknown_drive_is_refused(capsys):
     assert "no packaged drive" in refused(capsys, "nothing")
 
 
+def test_mappings_and_packaged_drives(capsys):
+    """What the options say of drives that have mappings of their own."""
+    assert "2 mappings are given for 1 drives" in refused(capsys, "mkz_2016", "--mapping", "a.toml", "b.toml")
+    text = refused(capsys, "mkz_2016", "mkz_2016_traffic", "--mapping", "a.toml")
+    assert "1 mappings are given for 2 drives, of which 2 packaged" in text
+    text = refused(capsys, "mkz_2016", "own.csv", "--map", "vehicle_speed=v")
+    assert "mkz_2016, which is packaged, has names of its own" in text
+
+
 @needs("can", "cantools")
 def test_a_torque_in_counts_and_an_assistance_that_steers_are_refused(capsys):
     """The CAN log of another car, whose assistance steered most of the time and whose torque has no calibration."""
