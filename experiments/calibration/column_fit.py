@@ -136,15 +136,21 @@ def fit_column(
     early = [slice(max(first - round(LONGEST * RATE), 0), first) for first in found.firsts]
     late = [slice(max(first - round(RUN_IN * RATE), 0), first + round(LONGEST * RATE)) for first in found.firsts]
     for name, parts in (("fitted", early), ("judging", late)):
-        for d, part in zip(drives, parts):
+        for i, (d, part) in enumerate(zip(drives, parts)):
             if (seconds := _used(d, part).sum() / RATE) < FEWEST[name]:
+                whose = f" of drive {i + 1}" if len(drives) > 1 else ""
                 raise ValueError(
-                    f"{seconds:.3g} s of the {name} part can be compared with a car, and {FEWEST[name]:g} s are needed"
+                    f"{seconds:.3g} s of the {name} part{whose} can be compared with a car, and {FEWEST[name]:g} s are "
+                    "needed"
                 )
     if (fastest := max(d.speed.max() for d in drives)) > SPEED_MAX:
         raise ValueError(f"the drive reaches {3.6 * fastest:.4g} km/h, and cars drive up to {3.6 * SPEED_MAX:.4g}")
     if len({tuple(_compared(d)) for d in drives}) > 1:
-        raise ValueError("the drives have other torques, and a car is fitted to drives with the same ones")
+        kept = " and ".join(", ".join(_compared(d)) for d in drives)
+        raise ValueError(
+            f"the drives have other torques, {kept}, and a car is fitted to drives with the same ones: leave out what "
+            "another one lacks, --without NAME"
+        )
     speed = float(np.concatenate([d.speed[part][_used(d, part)] for d, part in zip(drives, early)]).mean())
     squares: dict[str | None, Array] = {}
     terms: dict[str, float] = {}

@@ -65,7 +65,7 @@ def run(args: argparse.Namespace) -> None:
     drives = []
     for place, (path, given) in enumerate(zip(places, args.drives)):
         try:
-            drives.append(prepared(read(path, place, args)))
+            drives.append(prepared(read(path, place, args, lacks=len(places) > 1)))
         except ValueError as error:
             raise ValueError(str(error) if given in str(error) or path in str(error) else f"{given}: {error}") from None
         for note in drives[-1].notes:
@@ -123,7 +123,7 @@ def _places(args: argparse.Namespace) -> list[str]:
         raise ValueError(f"{len(asked)} mappings are given for {len(args.drives)} drives{told}")
     if args.entries and whose and len(whose) < len(args.drives) and not every:
         raise ValueError(
-            f"--map is for all drives, and {whose[0]}, which is packaged, has names of its own: give those of the other "
-            "drives in a --mapping"
+            f"--map is for all drives, and {whose[0]}, which is packaged, has names of its own: give those of the "
+            "other drives in a --mapping"
         )
     return found

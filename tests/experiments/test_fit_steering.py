@@ -226,6 +226,34 @@ def test_mappings_and_packaged_drives(capsys):
     assert "mkz_2016, which is packaged, has names of its own" in text
 
 
+def test_drives_with_other_torques(tmp_path, capsys):
+    """A car is fitted to drives with the same ones, and what one has alone can be left out of all."""
+    found = synthetic.fitted()
+    other = found.drive._replace(torques=dict.fromkeys(HANDS_AND_MOTOR, found.drive.torque))
+    with pytest.raises(ValueError, match=r"torsion_bar_torque and handwheel_torque, motor_torque.*--without NAME"):
+        column_fit.fit_column(
+            found._replace(drives=(found.drive, other), firsts=2 * found.firsts), cars.load("compact")
+        )
+    made = synthetic.packaged()
+    columns = [made.time, *(made[name] for name in synthetic.UNITS)]
+    header = "t[s],handwheel_angle[rad],torsion_bar_torque[Nm],vehicle_speed[m/s]"
+    for name, extra in (("a", {}), ("b", {",motor_torque[Nm]": 3.0 * made["torsion_bar_torque"]})):
+        path = tmp_path / f"{name}.csv"
+        np.savetxt(
+            path,
+            np.column_stack([*columns, *extra.values()]),
+            delimiter=",",
+            header=header + "".join(extra),
+            comments="",
+        )
+    paths = [str(tmp_path / f"{name}.csv") for name in "ab"]
+    assert main(["fit-steering", *paths, "--without", "motor_torque", "--out", str(tmp_path / "out")]) == 2
+    out, err = capsys.readouterr()
+    assert "a.csv: has no motor_torque" in out
+    assert "drives 1 and 2 are the same" in err
+    assert "motor_torque" in refused(capsys, paths[0], "--without", "motor_torque", "--out", str(tmp_path / "out"))
+
+
 @needs("can", "cantools")
 def test_a_torque_in_counts_and_an_assistance_that_steers_are_refused(capsys):
     """The CAN log of another car, whose assistance steered most of the time and whose torque has no calibration."""

@@ -254,14 +254,20 @@ def _trace(args: argparse.Namespace, places: Mapping[str, int], result: str) -> 
     return provenance.trace(command=args.argv, result=result, inputs=inputs.of(args), mapping=mapping)
 
 
-def read(path: str, place: int, args: argparse.Namespace) -> Any:
-    """A recording from a file, read through its mapping, without the channels and the part that are not wanted."""
+def read(path: str, place: int, args: argparse.Namespace, lacks: bool = False) -> Any:
+    """A recording from a file, read through its mapping, without the channels and the part that are not wanted.
+
+    Where it ``lacks`` may be, as it is one of several, a channel that it has not and that is left out is told.
+    """
     from steer_env.recording import can_log, files
     from steer_env.recording.recording import require_moderate
 
     found = files.read(path, mapping_of(place, args), can=can_options(args))
+    lacking = [name for name in args.without if name not in found.channels] if lacks else []
+    if lacking:
+        print(f"{path}: has no {', '.join(lacking)}, which is left out of the others")
     with _named(path):
-        found = found.without(*args.without)
+        found = found.without(*(name for name in args.without if name not in lacking))
         require_moderate(found)
     for note in (*_notes(found.meta, can_log.recognised(path, can_options(args))), *_of_drive(found)):
         print(f"{path}: {note}")
