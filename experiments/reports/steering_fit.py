@@ -225,6 +225,7 @@ def _row(row: Fitted) -> dict[str, Any]:
         "presliding_deg": _plain(math.degrees(row.x_c)),
         "presliding_deg_interval": [_plain(math.degrees(x)) for x in row.x_c_interval],
         "a_c": row.model.a_c,
+        "sigma": row.model.relaxation,
         "work": {name: {"share": value, "interval": list(ends)} for name, (value, ends) in row.work.items()},
         "terms": {
             name: {"value": value, "interval": list(row.intervals[name]), "unit": UNITS[name]}

@@ -1,7 +1,7 @@
 """Hand torque of drives with every friction law in turn, fitted to their first parts and judged on the rest.
 
-All coefficients of (H1) are linear but for the lateral acceleration a_c, the pre-sliding distance x_c and the bank of
-each road: for these, values of a grid are tried, and the others follow from least squares in which all but the offset
+All coefficients of (H1) are linear but for the lateral acceleration a_c, the lengths sigma and x_c and the bank of each
+road: for these, values of a grid are tried, and the others follow from least squares in which all but the offset
 are not negative. Least squares needs only the sums of products in blocks of the drives, from which cross-validation and
 bootstrap are made without reading a drive again.
 
@@ -30,6 +30,7 @@ from steer_env.hand_torque.model import (
     linear_terms,
     on_samples,
     stretched,
+    turn_slip,
 )
 from steer_env.recording.recording import Recording
 
@@ -43,13 +44,14 @@ X_C = tuple(np.radians([0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.45, 0.7, 1.0, 1.5, 2.
 BALANCES = tuple(
     50.0 * i for i in range(13)
 )  # grid of b: up to 88 km/h, at which a motorway's bank carries a car [m2/s2]
+SIGMA = (0.3, 0.6, 1.2)  # grid of sigma: a contact of a car tyre to twice its relaxation length; assumed [m]
 # Grid of the change of the level over the range of a quantity, relative to the level where it is zero [1].
 CHANGES = (-0.9, -0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.5, 7.0)
 RANGE = 0.95  # quantile of a quantity that stands for its range [1]
 REFERENCE = "dahl"  # law with which the road is chosen; assumed: the choice depends little on it
 NONE, VISCOUS, DRY = "none", "viscous", "dry"
 LEVEL = 0.95  # of the intervals
-SYSTEMATIC = 0.1  # of a level: what its interval adds for smoothing, as drives of known friction show [1]
+SYSTEMATIC = 0.15  # of a level: what its interval adds for smoothing and scrub, as drives of known friction show [1]
 MOST_LOST = 1.4  # factor for what smoothing takes from a level, at most, as drives of known Coulomb friction show [1]
 ALIKE = 0.02  # by which a law may leave more than the best and is not told apart; assumed [1]
 STEERING = ("k", "T_c", "k_w", "k_s", "C", "I")  # terms of (H1) that drives of one car share
@@ -72,6 +74,7 @@ class Point(NamedTuple):
 
     roads: tuple[float, ...]  # b of each drive [m2/s2]
     a_c: float  # [m/s2]
+    relaxation: float  # sigma [m]
     unit: Key  # pre-sliding distance, quantity and change of the level; empty without a law
 
 
@@ -283,8 +286,13 @@ def _of_one_car(drives: Sequence[Drive]) -> tuple[Drive, ...]:
 
 
 def at_ends(found: Identified) -> tuple[str, ...]:
-    """What is told of pre-sliding distances, or their intervals, that reach an end of the grid, in whole sentences."""
+    """What is told of lengths, or their intervals, that reach an end of their grid, in whole sentences."""
     texts = []
+    if found.best.model.relaxation == SIGMA[-1]:
+        texts.append(
+            f"the best sigma is the largest of the grid, {SIGMA[-1]:g} m: tyres may take more of what is lost, and "
+            "friction less"
+        )
     for end, side in ((X_C[0], "least"), (X_C[-1], "largest")):
         best = [row.name for row in found.dry if row.x_c == end]
         reach = [row.name for row in found.dry if end in row.x_c_interval and row.name not in best]
@@ -361,7 +369,8 @@ class _Parts:
         found = []
         for i, (table, each) in enumerate(zip(self._references, times)):
             roads, widths = (_beside(self.roads[i]), A_C[1::2]) if near else (BALANCES, A_C)
-            grid = [Point((r,), a_c, u) for r, a_c, u in product(roads, widths, _units(REFERENCE)[1::4])]
+            units = _units(REFERENCE)[1::4]
+            grid = [Point((r,), a_c, SIGMA[1], u) for r, a_c, u in product(roads, widths, units)]
             found.append(best([table], [each], grid, _names(REFERENCE)).point.roads[0])
         return tuple(found)
 
@@ -394,7 +403,8 @@ def _units(name: str) -> list[Key]:
 
 def _key(name: str, road: float, point: Point) -> Key:
     """Place of a term in a table."""
-    return {"k": ("k", road), "T_c": ("T_c", road, point.a_c), "level": ("level", *point.unit)}.get(name, (name,))
+    keys = {"k": (road,), "T_c": (road, point.a_c), "k_s": (point.relaxation,), "level": point.unit}
+    return (name, *keys.get(name, ()))
 
 
 def table_of(
@@ -427,7 +437,7 @@ def table_of(
         In place of that of the drive [N m].
     """
     angle, speed, dt, prior = drive.angle, drive.speed, drive.dt, drive.prior
-    linear = linear_terms(prior, angle, speed, dt)
+    linear = linear_terms(angle, dt)
     a = drive.lateral_acceleration[:, None] - np.outer(bends(prior, angle, speed, dt), roads)
     laws = np.zeros((angle.size, 0))
     if _is_law(law):
@@ -435,11 +445,11 @@ def table_of(
         laws = np.column_stack(
             [response(stretched(law, 1.0, x), angle, dt, size) for (x, *_), size in zip(units, sizes)]
         )
-    keys: list[Key] = [(name,) for name in linear]
+    keys: list[Key] = [*((name,) for name in linear), *(("k_s", sigma) for sigma in SIGMA)]
     keys += [("k", road) for road in roads]
     keys += [("T_c", road, a_c) for road in roads for a_c in widths]
     keys += [("level", *unit) for unit in units] if _is_law(law) else []
-    fixed = np.column_stack([*linear.values()])
+    fixed = np.column_stack([*linear.values(), *(turn_slip(angle, speed, dt, sigma) for sigma in SIGMA)])
     told = (drive.torque if torque is None else torque)[:, None]
     used, G, n = drive.weight > 0.0, [], []
     for b in range(int(block.max()) + 1):
@@ -515,7 +525,7 @@ def _models(drives: Sequence[Drive], name: str, solved: Solved) -> tuple[Model, 
     level = terms.pop("level", 0.0)
     friction = stretched(name, level, solved.point.unit[0]) if level > 0.0 else None
     return tuple(
-        Model(solved.point.a_c, {"T_0": float(offset), **terms}, friction, drive.prior, road)
+        Model(solved.point.a_c, {"T_0": float(offset), **terms}, friction, drive.prior, road, solved.point.relaxation)
         for drive, offset, road in zip(drives, solved.offsets, solved.point.roads)
     )
 
@@ -525,7 +535,7 @@ def _row(parts: _Parts, name: str) -> Fitted:
     tables, names, drives = parts.tables(name), _names(name), parts.drives
 
     def fit(times: Sequence[Array], roads: tuple[float, ...]) -> Solved:
-        grid = (Point(roads, a_c, unit) for a_c, unit in product(A_C, _units(name)))
+        grid = (Point(roads, *each) for each in product(A_C, SIGMA, _units(name)))
         return best(tables, times, grid, names)
 
     whole, early = fit(parts.whole, parts.roads), fit(parts.early, parts.early_roads)
@@ -539,7 +549,7 @@ def _row(parts: _Parts, name: str) -> Fitted:
         best(
             tables,
             [each[k] for each in parts.draws],
-            [Point(roads, whole.point.a_c, unit) for unit in _units(name)],
+            [whole.point._replace(roads=roads, unit=unit) for unit in _units(name)],
             names,
         )
         for k, roads in enumerate(parts.drawn_roads)
@@ -746,7 +756,7 @@ def _changes(parts: _Parts, found: Identified) -> dict[str, tuple[float, Interva
             )
             for drive, block, model, of in zip(drives, parts.block, row.models, sizes)
         ]  # fmt: skip
-        points = [Point(parts.roads, row.model.a_c, unit) for unit in units]
+        points = [Point(parts.roads, row.model.a_c, row.model.relaxation, unit) for unit in units]
         whole = best(tables, parts.whole, points, names)
         draws = [best(tables, [t[k] for t in parts.draws], points, names) for k in range(DRAWS)]
         grown = np.array([each.point.unit[2] * each.p[-1] for each in draws]) / reach

@@ -62,7 +62,6 @@ class Prior(NamedTuple):
     wheelbase: float = 2.8  # l; assumed [m]
     understeer: float = 0.0025  # K: road-wheel angle over lateral acceleration beyond Ackermann's; assumed [rad s2/m]
     gain: float = 1.0  # g: measured yaw rate or lateral acceleration over the one of i, l and K [1]
-    relaxation: float = 0.6  # sigma: over which a rolling tyre loses what it was turned by; assumed [m]
 
 
 class Model(NamedTuple):
@@ -73,6 +72,7 @@ class Model(NamedTuple):
     friction: Any  # parameters of a law, or None
     prior: Prior  # of (H2)
     balance: float = 0.0  # b, of the road where it predicts: another road has another bank [m2/s2]
+    relaxation: float = 0.6  # sigma: over which a rolling tyre loses what it was turned by [m]
 
 
 def curvature(prior: Prior, angle: Array, speed: Array) -> Array:
@@ -103,10 +103,10 @@ def _turn_slip(angle, speed, dt, relaxation, out):  # type: ignore[no-untyped-de
         out[i] = s
 
 
-def turn_slip(prior: Prior, angle: Array, speed: Array, dt: float) -> Array:
+def turn_slip(angle: Array, speed: Array, dt: float, relaxation: float) -> Array:
     """Angle (T,) by which rolling tyres are turned on their contact, S of (H4), in terms of the handwheel [rad]."""
     out = np.zeros(angle.size)
-    _turn_slip(angle, speed, dt, prior.relaxation, out)
+    _turn_slip(angle, speed, dt, relaxation, out)
     return out
 
 
@@ -157,13 +157,12 @@ def predict(model: Model, time: ArrayLike, handwheel_angle: ArrayLike, vehicle_s
     return np.interp(drive.time, even.time, found)
 
 
-def linear_terms(prior: Prior, angle: Array, speed: Array, dt: float) -> dict[str, Array]:
-    """The terms of (H1) that neither a road nor a width changes (T,), each for a coefficient of one."""
+def linear_terms(angle: Array, dt: float) -> dict[str, Array]:
+    """The terms of (H1) that the angle alone makes (T,), each for a coefficient of one."""
     rate = np.gradient(angle, dt)
     return {
         "T_0": np.ones_like(angle),
         "k_w": angle,
-        "k_s": turn_slip(prior, angle, speed, dt),
         "C": rate,
         "I": np.gradient(rate, dt),
     }
@@ -173,7 +172,8 @@ def on_samples(model: Model, angle: Array, speed: Array, dt: float) -> Array:
     """Torque (T,) [N m] by (H1) at uniform steps ``dt`` [s], from the smoothed angle [rad] and the speed [m/s]."""
     a = lateral_acceleration(model.prior, angle, speed)
     a -= model.balance * bends(model.prior, angle, speed, dt)  # (H2)
-    terms = {**linear_terms(model.prior, angle, speed, dt), "k": a, "T_c": np.tanh(a / model.a_c)}
+    slip = turn_slip(angle, speed, dt, model.relaxation)
+    terms = {**linear_terms(angle, dt), "k": a, "T_c": np.tanh(a / model.a_c), "k_s": slip}
     found = np.asarray(sum(value * terms[name] for name, value in model.terms.items()))  # (H1)
     return found if model.friction is None else found + response(resolve(model.friction), angle, dt)  # (H1)
 
