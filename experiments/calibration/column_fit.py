@@ -166,6 +166,11 @@ def fit_column(
             unseen = [_part(car, d, part, i, speed, each) for i, (d, part) in enumerate(zip(drives, late))]
             left = [(_errors(way, terms) + offset)[:, 0] ** 2 for way, offset in zip(unseen, offsets)]
             squares[each] = np.concatenate(left)
+    if stuck := [name for name in ("F_c", "F_u") if name in limited]:
+        raise ValueError(
+            f"no friction of a car describes the drive: {', '.join(stuck)} ends at the limit of the search, "
+            f"{TERMS['F_c'].largest:g} N m; are channels exchanged, or is a torque not in N m?"
+        )
     block = blocks(squares[None].size)
     times = redrawn(int(block.max()) + 1, seed)
     size = times @ np.bincount(block)

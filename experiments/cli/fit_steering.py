@@ -77,7 +77,11 @@ def run(args: argparse.Namespace) -> None:
     try:
         with progress("fitting the car") as notify:
             of_car = fit_column(found, car, args.seed, notify)
-        print(f"the car, fitted with boost and friction, leaves {of_car.residual:.3f} N m where nothing was fitted")
+        without = of_car.residual + of_car.adds
+        print(
+            f"the car, fitted with boost and friction, leaves {of_car.residual:.3f} N m where nothing was fitted, and "
+            f"{without:.3f} N m without dry friction"
+        )
         print(steering_fit.sites_said(of_car))
     except ValueError as error:
         of_car = str(error)

@@ -1,5 +1,6 @@
 """``steer-env fit-steering``: from the packaged drive to page, JSON, law and car, and what it refuses."""
 
+import dataclasses
 import json
 import re
 from functools import cache
@@ -12,6 +13,7 @@ from steer_env import friction, identify, manoeuvres
 from steer_env.experiments.calibration import column_fit
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.reports import steering_fit
+from steer_env.experiments.studies.common.friction_records import road_drive
 from steer_env.friction import sites
 from steer_env.hand_torque import prepared
 from steer_env.hand_torque.model import stretched
@@ -173,6 +175,16 @@ def test_too_little_of_a_drive_and_a_car_without_boost_are_told():
     late = found.drive._replace(weight=np.where(found.drive.time < 60.0, 0.0, found.drive.weight))
     with pytest.raises(ValueError, match=r"s of the fitted part can be compared with a car, and 45 s are needed"):
         column_fit.fit_column(found._replace(drives=(late,)), cars.load("compact"))
+
+
+def test_a_drive_that_no_friction_of_a_car_describes_is_told():
+    """An angle [deg] taken for the torque, and the torque for an angle [deg]: the friction ends at a limit."""
+    drive = road_drive("mkz_2016_traffic")
+    angle, torque = np.degrees(drive["handwheel_angle"]), np.radians(drive["torsion_bar_torque"])
+    exchanged = {**drive.channels, "handwheel_angle": torque, "torsion_bar_torque": angle}
+    found = identify(dataclasses.replace(drive, channels=exchanged), laws=["dahl"])
+    with pytest.raises(ValueError, match="F_c ends at the limit of the search, 6 N m; are channels exchanged"):
+        column_fit.fit_column(found, cars.load("compact"))
 
 
 @pytest.mark.filterwarnings("ignore:car compact. boost, limit")
