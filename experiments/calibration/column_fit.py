@@ -135,22 +135,7 @@ def fit_column(
     car = cars.load(base.data(), {"steering.friction_load": 0.0})  # the level is that of whole drives
     early = [slice(max(first - round(LONGEST * RATE), 0), first) for first in found.firsts]
     late = [slice(max(first - round(RUN_IN * RATE), 0), first + round(LONGEST * RATE)) for first in found.firsts]
-    for name, parts in (("fitted", early), ("judging", late)):
-        for i, (d, part) in enumerate(zip(drives, parts)):
-            if (seconds := _used(d, part).sum() / RATE) < FEWEST[name]:
-                whose = f" of drive {i + 1}" if len(drives) > 1 else ""
-                raise ValueError(
-                    f"{seconds:.3g} s of the {name} part{whose} can be compared with a car, and {FEWEST[name]:g} s are "
-                    "needed"
-                )
-    if (fastest := max(d.speed.max() for d in drives)) > SPEED_MAX:
-        raise ValueError(f"the drive reaches {3.6 * fastest:.4g} km/h, and cars drive up to {3.6 * SPEED_MAX:.4g}")
-    if len({tuple(_compared(d)) for d in drives}) > 1:
-        kept = " and ".join(", ".join(_compared(d)) for d in drives)
-        raise ValueError(
-            f"the drives have other torques, {kept}, and a car is fitted to drives with the same ones: leave out what "
-            "another one lacks, --without NAME"
-        )
+    _check(drives, early, late)
     speed = float(np.concatenate([d.speed[part][_used(d, part)] for d, part in zip(drives, early)]).mean())
     squares: dict[str | None, Array] = {}
     terms: dict[str, float] = {}
@@ -191,6 +176,26 @@ def fit_column(
         limited=tuple(dict.fromkeys(limited)),
         one_site=one_site(drives[0]) or ("" if law else NO_LAW),
     )
+
+
+def _check(drives: Sequence[Drive], early: Sequence[slice], late: Sequence[slice]) -> None:
+    """ValueError where a car cannot be compared with the drives."""
+    for name, parts in (("fitted", early), ("judging", late)):
+        for i, (d, part) in enumerate(zip(drives, parts)):
+            if (seconds := _used(d, part).sum() / RATE) < FEWEST[name]:
+                whose = f" of drive {i + 1}" if len(drives) > 1 else ""
+                raise ValueError(
+                    f"{seconds:.3g} s of the {name} part{whose} can be compared with a car, and {FEWEST[name]:g} s are "
+                    "needed"
+                )
+    if (fastest := max(d.speed.max() for d in drives)) > SPEED_MAX:
+        raise ValueError(f"the drive reaches {3.6 * fastest:.4g} km/h, and cars drive up to {3.6 * SPEED_MAX:.4g}")
+    if len({tuple(_compared(d)) for d in drives}) > 1:
+        kept = " and ".join(", ".join(_compared(d)) for d in drives)
+        raise ValueError(
+            f"the drives have other torques, {kept}, and a car is fitted to drives with the same ones: leave out what "
+            "another one lacks, --without NAME"
+        )
 
 
 def one_site(d: Drive) -> str:
