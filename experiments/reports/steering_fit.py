@@ -81,10 +81,8 @@ def about_zero(found: Identified) -> float:
 
 def seconds(found: Identified) -> tuple[float, float]:
     """What is fitted and what judges, of all drives [s]."""
-    pairs = [
-        (d.weight[:first].sum() * d.dt, d.weight[first:].sum() * d.dt) for d, first in zip(found.drives, found.firsts)
-    ]
-    return tuple(map(float, np.sum(pairs, axis=0)))  # type: ignore[return-value]
+    fitted = sum(float(d.weight[:first].sum()) * d.dt for d, first in zip(found.drives, found.firsts))
+    return fitted, sum(float(d.weight.sum()) * d.dt for d in found.drives) - fitted
 
 
 def agreements(found: Identified) -> dict[str, tuple[tuple[tuple[float, float], ...], str]]:

@@ -320,7 +320,7 @@ class _Parts:
     """
 
     def __init__(self, drives: tuple[Drive, ...], share: float, seed: int) -> None:
-        self.drives = drives
+        self.drives, self.seed = drives, seed
         self.block = [blocks(drive.time.size) for drive in drives]
         counts = [int(block.max()) + 1 for block in self.block]
         last = [max(round(share * count), 1) for count in counts]
@@ -678,7 +678,7 @@ def _answer(parts: _Parts, rows: list[Fitted]) -> Identified:
         )
         for row in rows
     }
-    judge = _Judge(measured)
+    judge = _Judge(measured, parts.seed)
     left = {name: judge.left(torque) for name, torque in predicted.items()}
     judged = [
         row._replace(
@@ -706,10 +706,10 @@ def _answer(parts: _Parts, rows: list[Fitted]) -> Identified:
 class _Judge:
     """Predictions of one measured torque, compared on the same draws of its blocks."""
 
-    def __init__(self, measured: Array) -> None:
+    def __init__(self, measured: Array, seed: int) -> None:
         self._measured, self._block = measured, blocks(measured.size)
         count = int(self._block.max()) + 1
-        self._size, self._times = np.bincount(self._block, minlength=count).astype(float), redrawn(count, 0)
+        self._size, self._times = np.bincount(self._block, minlength=count).astype(float), redrawn(count, seed)
 
     def left(self, predicted: Array) -> float:
         """Root mean square that is left [N m]."""
@@ -732,7 +732,7 @@ def _unseen(parts: _Parts, rows: Sequence[Fitted]) -> Unseen:
     left = np.array([row.blocks for row in dry])[law[fold], np.arange(fold.size)]
     size = np.concatenate(parts.sizes)
     used = np.flatnonzero(size)
-    times = redrawn(used.size, 0, 4 * DRAWS)
+    times = redrawn(used.size, parts.seed, 4 * DRAWS)
     drawn = [np.sqrt(times @ each[used] / (times @ size[used])) for each in (by_name[VISCOUS].blocks, left)]
     residual, without = (float(np.sqrt(each.sum() / size.sum())) for each in (left, by_name[VISCOUS].blocks))
     return Unseen(residual, without, interval_of(drawn[0] - drawn[1]))
@@ -780,7 +780,7 @@ def _chosen(parts: _Parts, found: Identified) -> str:
         return DRY
     used = np.concatenate(parts.sizes) > 0.0
     saved = (found.row(NONE).blocks - found.row(VISCOUS).blocks)[used]
-    return VISCOUS if interval_of(redrawn(saved.size, 0, 4 * DRAWS) @ saved)[0] > 0.0 else NONE
+    return VISCOUS if interval_of(redrawn(saved.size, parts.seed, 4 * DRAWS) @ saved)[0] > 0.0 else NONE
 
 
 def _across(parts: _Parts, alone: Sequence[Identified]) -> tuple[Across, ...]:
@@ -791,7 +791,7 @@ def _across(parts: _Parts, alone: Sequence[Identified]) -> tuple[Across, ...]:
             if i == j:
                 continue
             late = np.flatnonzero((np.arange(drive.time.size) >= first) & (drive.weight > 0.0))
-            judge = _Judge(drive.torque[late])
+            judge = _Judge(drive.torque[late], parts.seed)
             with_law, without = (_lent(row.model, drive, first)[late] for row in (own.best, own.row(VISCOUS)))
             residual, gain, ends = judge.left(with_law), np.nan, (np.nan, np.nan)
             if own.dry:
