@@ -19,8 +19,8 @@ from steer_env.vector import SteerVectorEnv
 
 def table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
     """A table in Markdown."""
-    lines = [head, ("---",) * len(head), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    first, *rest = (f"| {' | '.join(line)} |" for line in (head, *rows))
+    return "\n".join([first, "|" + "---|" * len(head), *rest])
 
 
 _COUNTED = ("the time", "the way gained along the path, over the held speed")
@@ -53,16 +53,15 @@ def _documentation(task: Task) -> str:
     sections = [
         task.summary,
         "## Action",
-        f"`Box(-1, 1, (1,))`; the action {way}.",
-        table(("index", "action", "at 1", "unit"), [("0", action.meaning, f"{action.scale:g}", action.unit)]),
+        f"`Box(-1, 1, (1,))`: {action.meaning}, which {way}. An action of 1 is {action.scale:g} {action.unit}.",
         "## Observation",
-        f"`Box({len(observations)},)`, clipped to the bounds and divided by the usual sizes; with `normalise=False` in "
-        "SI units.",
+        f"`Box({len(observations)},)`. Observations are clipped to the bounds and divided by the usual sizes; with "
+        "`normalise=False` they are in SI units.",
         table(("index", "observation", "bound", "usual", "unit"), observations),
         "## Reward",
-        f'The reward is the sum of the terms, which are in `info["reward_terms"]`: each is its weight times a quality '
-        f"from 0 to 1, integrated over {_COUNTED[_follows_path(task)]}. A failure costs 1, and nothing counts after "
-        "it, so that no way to fail is worth more than to go on.",
+        'The reward is the sum of the terms, which are in `info["reward_terms"]`; each is the integral of its weight '
+        f"times a quality from 0 to 1. The integral is over {_COUNTED[_follows_path(task)]}. A failure costs 1, and "
+        "nothing counts after it, so that no way to fail is worth more than to go on.",
         table(("term", "weight [1/s]", "quality"), terms),
         "## Cost\n\nFor constrained learning: each cost is a quantity over its budget for an episode, so that the "
         'budget of each is 1 (`cost_limit`). The terms are in `info["cost_terms"]`, their sum is `info["cost"]`.',
@@ -97,13 +96,13 @@ def _arguments(task: Task) -> str:
     """The arguments of a task in words."""
     low, high = task.speed_limits(task.chassis[0])
     speed = (
-        "without a speed, which is drawn with the scenario. The default chassis is"
+        "There is no speed, which is drawn with the scenario."
         if task.draw_scenario
-        else f"with a speed from {low:g} to {high:g} m/s. The default speed is {default_speed(task)}, the default "
-        "chassis"
+        else f"The default speed is {default_speed(task)}, and {low:g} to {high:g} m/s are allowed."
     )
     return (
-        f"Those of `steer_env.SteerEnv`, {speed} {task.chassis[0]!r}, the default `control_dt` {task.control_dt:g} s."
+        f"Those of `steer_env.SteerEnv`. {speed} The default chassis is {task.chassis[0]!r}. The default `control_dt` "
+        f"is {task.control_dt:g} s."
     )
 
 

@@ -11,10 +11,10 @@ _TUNED = (
     " An episode starts with the assist out of tune, and narrow wanted bands about the car's own feel replace the "
     "target bands."
 )
-_FIRST = "First version."
+FIRST = "First version."
 # What each version changed, from v0 on, by task or tuning scenario; "" is all of them that there were.
 CHANGES: tuple[dict[str, str], ...] = (
-    {"": _FIRST},
+    {"": FIRST},
     {
         "": "Another default car and assist, the rack force without the weight of the wheels, another reference feel; "
         "rewards from 0 to 1 per second, scaled observations with the last action, decisions of drivers every 50 ms, "
@@ -36,13 +36,13 @@ CHANGES: tuple[dict[str, str], ...] = (
         "default car has a front axle that returns from the lock, with one compliance for each wheel, and an assist "
         "that keeps 30 deg and 6 dB while the gear slides."
     },
-    {"DriverStopAndGo": _FIRST},
+    {"DriverStopAndGo": FIRST},
 )
 
 
 def _changes(name: str) -> list[str]:
     changes = [change.get("", "") + change.get(name, "") for change in CHANGES if "" in change or name in change]
-    return changes[max(i for i, change in enumerate(changes) if change == _FIRST) :]
+    return changes[max(i for i, change in enumerate(changes) if change == FIRST) :]
 
 
 def id_of(name: str) -> str:

@@ -70,10 +70,10 @@ def _documentation(scenario: Scenario) -> str:
         _filled(scenario.summary),
         "## Action",
         _filled(
-            f"`Box(-1, 1, ({len(actions)},))`: a parameter set of the assist, relative to the start of the episode. "
-            "The values below are those of the packaged compact car with `detuning=0`, where 0 is every car's own "
-            "value. 1 multiplies and -1 divides a factor or a corner by the same number; a strength is 0 where it "
-            "would be below."
+            f"`Box(-1, 1, ({len(actions)},))`. The action is a parameter set of the assist, relative to the start of "
+            "the episode. The values below are those of the packaged compact car with `detuning=0`, where 0 is every "
+            "car's own value. 1 multiplies and -1 divides a factor or a corner by the same number; a strength is 0 "
+            "where it would be below."
         ),
         table(("index", "parameter", "at -1", "at 0", "at 1", "unit"), actions),
         "## Observation",

@@ -5,8 +5,10 @@ python -m tests.maintain glossary
 
 import inspect
 import re
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from inspect import signature
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +21,7 @@ from steer_env.env import SteerEnv
 from steer_env.environments import reset_options, table
 from steer_env.episode.randomise import RANGES, SENSOR_NOISE
 from steer_env.metrics.common import just_noticeable
-from steer_env.registration import DRIVEN
+from steer_env.registration import CHANGES, DRIVEN, FIRST, history
 from steer_env.tuning.env import DRAWN, TuneEnv
 from steer_env.tuning.scenarios.common.definition import SCENARIOS, SPEEDS
 from steer_env.tuning.vector import TuneVectorEnv
@@ -35,7 +37,8 @@ _METRICS = """# Tests and metrics
 `steer_env/metrics/`. No conformance with any standard is claimed. A value is the mean over the repeats in a recording
 (cycles, steps, sweeps, segments), with a 95 % interval where there are several. A metric that a recording cannot
 support is refused with the reason. Usual ranges are those of passenger cars, by engineering judgement. "Noticed" is the
-share of a value from which on drivers notice a difference, where that is known ([report.md](report.md)).
+share of a value from which on drivers notice a difference, where that is known ([report.md](report.md)). A metric of
+several tests is defined in one of them, which the others name.
 
 ## What an interval holds
 
@@ -137,9 +140,16 @@ _ENVIRONMENTS = """# Environments
 
 `python -m tests.maintain glossary` writes this page from the tasks in `steer_env/tasks/`.
 `import steer_env` registers the ids; `gymnasium.make(id)` makes an environment, `gymnasium.make_vec(id, num_envs=N)` a
-vector environment. The last sections give the sensor noise, the arguments of the driving ids, of the two tuning ids (in
-which a step is a set of assist parameters with its tests) and of the vector environments, and how to copy them.
-[rewards.md](rewards.md) names the code that writes the terms of a reward and the code that weights and adds them.
+vector environment. What ids share stands once, under the group that they belong to; the section of an id has what it
+has beyond that. `help(gymnasium.make(id).unwrapped)` and the page of the id in the site have all of it together. The
+last sections give the versions, the sensor noise, the arguments of the driving ids, of the two tuning ids (in which a
+step is a set of assist parameters with its tests) and of the vector environments, and how to copy them.
+"""
+_HISTORY = """
+## Version history
+
+The first version of an id is v0. A bare version is that of every id; an id with another number for the same change, or
+with a change of its own, is named.
 """
 _SENSORS = """
 ## Sensor noise
@@ -188,24 +198,50 @@ observations of the environment that gave it.
 
 
 def metrics_page() -> str:
-    """Tests and metrics as Markdown."""
+    """Tests and metrics as Markdown: a metric of several tests is defined in one, the weave where it has it."""
+    home: dict[str, str] = {}
+    for test in ("weave", *metrics.tests()):
+        home |= {name: test for name in metrics.available(test) if name not in home}
     parts = [_METRICS]
-    parts += [f"\n## {test}\n\n{metrics_of(test)}" for test in metrics.tests()]
-    return "\n".join(parts) + "\n"
+    for test in metrics.tests():
+        parts.append(f"\n## {test}\n\n{_about(test)}")
+        names = metrics.available(test)
+        for other in dict.fromkeys(home[name] for name in names if home[name] != test):
+            alike = ", ".join(f"`{name}`" for name in names if home[name] == other)
+            parts.append(f"As in [{other}](#{other}): {alike}.\n")
+        if own := [name for name in names if home[name] == test]:
+            parts.append(_definitions(test, own))
+    return "\n".join(parts).rstrip() + "\n"
 
 
 def metrics_of(test: str) -> str:
     """What a test is, with the table of its metrics."""
-    about = manoeuvres.make(test) if test in manoeuvres.available() else None
-    parts = [f"{about.definition} {about.source[0].upper()}{about.source[1:]}.\n"] if about else []
-    parts.append("| metric | unit | definition | usual | noticed | source |\n|---|---|---|---|---|---|")
-    for name in metrics.available(test):
+    return f"{_about(test)}\n{_definitions(test, metrics.available(test))}"
+
+
+def _about(test: str) -> str:
+    if test not in manoeuvres.available():
+        return ""
+    about = manoeuvres.make(test)
+    return f"{about.definition} {about.source[0].upper()}{about.source[1:]}.\n"
+
+
+def _definitions(test: str, names: Sequence[str]) -> str:
+    """The definitions of metrics as a table, without columns that are empty."""
+    rows = []
+    for name in names:
         entry = metrics.definition(name)
         usual = f"{entry.usual[0]:g} to {entry.usual[1]:g}" if entry.usual and test == "weave" else ""
         text = entry.definition.replace("+-", "±").replace("|", "\\|")
         noticed = f"{just_noticeable.SHARE:.0%}".replace("%", " %") if just_noticeable.applies(name) else ""
-        parts.append(f"| `{name}` | {entry.unit} | {text} | {usual} | {noticed} | {entry.source} |")
-    return "\n".join(parts)
+        rows.append((f"`{name}`", entry.unit, text, usual, noticed, entry.source))
+    return _without_empty(("metric", "unit", "definition", "usual", "noticed", "source"), rows)
+
+
+def _without_empty(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
+    """A table of the columns that have contents."""
+    filled = [k for k in range(len(head)) if any(row[k] for row in rows)]
+    return table(tuple(head[k] for k in filled), [tuple(row[k] for k in filled) for row in rows])
 
 
 def _documentation(name: str) -> str:
@@ -232,16 +268,18 @@ def _short(name: str) -> str:
 
 
 def _folded(text: str) -> str:
-    """The text with the rows for the points of a path, which differ in the time ahead only, as one row."""
-    cells = r"^\| (\d+) \| path ([\d.]+)s: ([^|]*) \| ([^|]*) \| ([^|]*) \|(.*)\n"
-    rows = re.findall(cells, text, re.MULTILINE)
+    """The text with one row for the points of a path or of a target, which differ in the time ahead only."""
+    row = re.compile(r"^\| (\d+) \| (path|target) ([\d.]+)s: ([^|]*) \| ([^|]*) \| ([^|]*) \|(.*)\n", re.MULTILINE)
+    rows = row.findall(text)
     if not rows:
         return text
-    (first, one, meaning, bound, least, unit), (_, two, *_), (last, end, _, _, most, _) = rows[0], rows[1], rows[-1]
-    times, usual = f"{one}, {two} ... {end} s", f"{least} to {most}"
-    found = f"| {first}-{last} | path at {times}: {meaning.replace(f'{one} s ', '')} | {bound} | {usual} |{unit}\n"
-    whole = re.compile(r"(^\| \d+ \| path [\d.]+s: .*\n)+", re.MULTILINE)
-    return whole.sub(lambda _: found, text, count=1)
+    indices, (name, *_), times, (meaning, *_), (bound, *_), usual, (unit, *_) = zip(*rows)
+    told = ", ".join(times) if len(times) < 5 else f"{times[0]}, {times[1]} ... {times[-1]}"
+    size = usual[0] if len(set(usual)) == 1 else f"{usual[0]} to {usual[-1]}"
+    meaning = re.sub(r"[\d.]+ s (from now )?", "", meaning)
+    whole = f"| {indices[0]}-{indices[-1]} | {name} at {told} s: {meaning} | {bound} | {size} |{unit}\n"
+    before, after = text[: row.search(text).start()], text[[*row.finditer(text)][-1].end() :]  # type: ignore[union-attr]
+    return before + whole + after
 
 
 def environment(name: str) -> str:
@@ -251,12 +289,123 @@ def environment(name: str) -> str:
     return options.sub(lambda _: _options(name) + "\n", text, count=1).replace("\n## ", "\n### ")
 
 
+def _without_usual(text: str) -> str:
+    """The text with the usual sizes of the observations in a sentence, so that ids share the rows."""
+    row = re.compile(r"^(\| (?:index|[\d-]+) \| (?:[^|]+ \| ){2})([^|]+) \| ([^|]+ \|)$", re.MULTILINE)
+    usual = [found[2] for found in row.finditer(text)][1:]
+    if not usual:
+        return text
+    told = text.replace("in SI units.", f"in SI units. The usual sizes are {', '.join(usual)}.", 1)
+    return row.sub(r"\1\3", told).replace(
+        "|---|---|---|---|---|\n| 0 | handwheel", "|---|---|---|---|\n| 0 | handwheel", 1
+    )
+
+
+def _runs(text: str) -> str:
+    """The text with one row for observations in succession that have the same meaning."""
+    row = r"\| (\d+) \| ([^:|]+): ([^|]*) \| ([^|]*) \| ([^|]*) \|\n"
+    run = re.compile(rf"^{row}(?:\| \d+ \| [^:|]+: \3 \| .*\n)+", re.MULTILINE)
+
+    def folded(found: re.Match[str]) -> str:
+        indices, names, _, bounds, units = zip(*re.findall(row, found[0]))
+        sizes = sorted(set(bounds), key=float)
+        bound = sizes[0] if len(sizes) == 1 else f"{sizes[0]} to {sizes[-1]}"
+        unit = units[0] if len(set(units)) == 1 else "by name"
+        return f"| {indices[0]}-{indices[-1]} | {found[3]}: {', '.join(names)} | {bound} | {unit} |\n"
+
+    return run.sub(folded, text)
+
+
+# Heading of a section -> its sentences and rows in their order, each with the head of its table ("" for a sentence).
+Document = dict[str, list[tuple[str, str]]]
+
+
+def document(name: str) -> Document:
+    """The sections of an id's documentation but for its history, taken apart."""
+    text = _runs(_without_usual(environment(name)))
+    found: Document = {}
+    for section in ("### \n\n" + text).partition("### Version history")[0].split("### ")[1:]:
+        heading, _, rest = section.partition("\n\n")
+        found[heading] = []
+        for block in filter(None, rest.strip().split("\n\n")):
+            if block.startswith("|"):
+                head, line, *rows = block.split("\n")
+                found[heading] += [(f"{head}\n{line}", row) for row in rows]
+            else:
+                found[heading] += [("", each) for each in re.split(r"(?<=[.:]) (?=[A-Z`])", " ".join(block.split()))]
+    return found
+
+
+def shared(documents: Sequence[Document]) -> Document:
+    """What stands in each of the documents, in the order of the first."""
+    first = documents[0].items()
+    return {
+        heading: [part for part in parts if all(part in each.get(heading, ()) for each in documents)]
+        for heading, parts in first
+    }
+
+
+def besides(own: Document, common: Document) -> Document:
+    """What a document has beyond another one."""
+    return {heading: [part for part in parts if part not in common.get(heading, ())] for heading, parts in own.items()}
+
+
+def as_text(found: Document) -> str:
+    """A document put together; sections without contents are left out."""
+    blocks = []
+    for heading, parts in found.items():
+        title = [f"**{heading}.**"] if parts and heading else []
+        for head, group in groupby(parts, key=lambda part: part[0]):
+            texts = [text for _, text in group]
+            blocks += ["\n".join([head, *texts])] if head else [" ".join([*title, *texts])]
+    return "\n\n".join(blocks) + "\n"
+
+
+def kinds(name: str) -> tuple[str, ...]:
+    """Titles of the groups that an id belongs to, from the widest on."""
+    if name not in DRIVEN:
+        return ("Tuning ids",)
+    task = tasks.task(_short(name))
+    role = "Driver ids" if task.action.ramped else "Assist ids"
+    path = "on a path" if any(quantity.name == "lateral_offset" for quantity in task.observed) else "without a path"
+    return "Driving ids", role, f"{role} {path}"
+
+
+def _grouped(names: Iterable[str], level: int = 0, above: Document | None = None) -> Iterator[str]:
+    """Ids by their groups: what a group shares beyond the one above it, down to what an id has alone."""
+    for title, group in groupby(names, key=lambda name: kinds(name)[level]):
+        documents = {name: document(name) for name in group}
+        common = shared(list(documents.values()))
+        yield f"\n## {title}\n\n{as_text(besides(common, above or {}))}"
+        if level + 1 < len(kinds(next(iter(documents)))):
+            yield from _grouped(documents, level + 1, common)
+        else:
+            for name, own in documents.items():
+                yield f"\n### `{name}`\n\n{as_text(besides(own, common))}"
+
+
+def _history() -> str:
+    """What the versions of the ids changed, each change once with the version that it made."""
+    names = [_short(name) for name in REGISTERED]
+    lines = []
+    for change in reversed(CHANGES):
+        for of, text in change.items():
+            if text == FIRST:
+                continue
+            sought = re.compile(rf"^(v\d+): .*{re.escape(text.strip())}", re.MULTILINE)
+            made = {name: found[1] for name in names if of in ("", name) and (found := sought.search(history(name)))}
+            usual = Counter(made.values()).most_common(1)[0][0]
+            apart = [f"{name} {version}" for name, version in made.items() if of or version != usual]
+            title = ", ".join(apart if of else [usual, *apart])
+            lines.append(f"* {title}: {text.strip()}")
+    return "\n".join(lines)
+
+
 def environments_page() -> str:
-    """Every id with its tables as Markdown."""
+    """Every id as Markdown: first what several share, then by id what differs."""
     overview = table(("id", "action at 1", "decides every", "what it asks"), [_row(name) for name in REGISTERED])
-    sections = [_ENVIRONMENTS, overview]
-    for name in REGISTERED:
-        sections.append(f"\n## `{name}`\n\n" + environment(name))
+    sections = [_ENVIRONMENTS, overview, *_grouped(sorted(REGISTERED, key=kinds))]
+    sections.append(f"{_HISTORY}\n{_history()}")
     units = {quantity.name: quantity.unit for task in tasks.available() for quantity in tasks.task(task).observed}
     # The points of the path have the same noise: the row of the first stands for all.
     shown = {re.sub("^path_.*", "path, each point", name): name for name in reversed(SENSOR_NOISE)}
@@ -308,8 +457,7 @@ def _keys(section: str) -> str:
             (f"`{key}`", about.meaning, about.unit, _default_in_words(section, key, about), about.allowed, usual)
         )
     head = ("key", "meaning", "unit", "default", "allowed", "usual")
-    filled = [k for k in range(len(head)) if any(row[k] for row in rows)]
-    return table(tuple(head[k] for k in filled), [tuple(row[k] for k in filled) for row in rows])
+    return _without_empty(head, rows)
 
 
 def _usual() -> str:
@@ -328,7 +476,9 @@ def car_files_page() -> str:
     text = (DOCS / "car_files.md").read_text(encoding="utf-8")
     for title, rows in made.items():
         before, heading, rest = text.partition(f"\n## {title}\n")
-        first, last = re.search(r"^\|(.|\n\|)*\n", rest, re.MULTILINE).span()
+        found = re.search(r"^\|(.|\n\|)*\n", rest, re.MULTILINE)
+        assert found, title
+        first, last = found.span()
         text = before + heading + rest[:first] + rows + "\n" + rest[last:]
     return text
 
