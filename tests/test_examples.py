@@ -165,13 +165,6 @@ def test_the_equation_of_the_example_has_dahls_closed_form(own_laws, i):
     np.testing.assert_allclose((1.0 - F / 0.9) ** (1.0 - i), 1.0 + (i - 1.0) * 100.0 * x / 0.9, rtol=1e-7)
 
 
-@pytest.mark.parametrize(("k", "script"), [(1, "own_friction_laws"), (2, "rate_and_state")])
-def test_the_page_on_own_laws_shows_the_examples(k, script):
-    page = (FOLDER.parent / "docs" / "own_friction_law.md").read_text()
-    code = page.split("```python\n")[k].split("```")[0]
-    assert code in (FOLDER / f"{script}.py").read_text()
-
-
 RATE_AND_STATE = {"F_0": 0.9, "a": 0.02, "b": 0.025, "D_c": 0.1, "v_0": 0.1, "theta_0": 3.0}
 STIFF = {"law": "rate_and_state", "k": 1e4, **RATE_AND_STATE}  # a/k is 2e-5 of D_c: the slip follows the motion
 

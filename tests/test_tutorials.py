@@ -1,6 +1,7 @@
 """Every block of the tutorials in its order: files are written, commands run, and print what the page says.
 
-docs/walkthrough.md is one as a whole, other pages are one below their heading "In ten minutes".
+docs/walkthrough.md is one as a whole, other pages are one below their heading "In ten minutes". A block that begins
+with the name of a file is that file.
 """
 
 import os
@@ -15,7 +16,7 @@ import pytest
 from tests.needs import needs
 
 DOCS = Path(__file__).parents[1] / "docs"
-PAGES = ("walkthrough", "friction_laws", "learning", "fmu", "driving")
+PAGES = ("walkthrough", "friction_laws", "make_a_law", "learning", "make_a_task", "fmu", "driving")
 # What a test has, and what it does not wait for: the package with its extras, and minutes of training.
 SHORTENED = {"pip install": ": pip install", "--minutes 1 ": "--minutes 0.1 "}
 CLOCK = "<!-- by the clock -->"  # before what is printed with other digits each time; no reader sees it
@@ -54,7 +55,12 @@ def words(line, clock):
     return re.sub(r"[-\d.]+", "0", line) if clock else line
 
 
-PACKAGES = {"learning": ["stable_baselines3"], "fmu": ["fmpy"], "driving": ["pygame"]}
+PACKAGES = {
+    "learning": ["stable_baselines3"],
+    "make_a_law": ["hypothesis"],
+    "fmu": ["fmpy"],
+    "driving": ["pygame"],
+}
 
 
 @pytest.mark.whole
@@ -64,8 +70,8 @@ def test_tutorial(page, tmp_path):
     out, compared, until = "", 0, time.monotonic() + SECONDS
     for language, text, clock in blocks(page):
         match language:
-            case "toml":
-                (tmp_path / text.split()[1]).write_text(text, encoding="utf-8")
+            case "toml" | "python" if named := re.match(r"# (\w+\.(?:toml|py))\n", text):
+                (tmp_path / named[1]).write_text(text, encoding="utf-8")
             case "python":
                 out = output([sys.executable, "-c", text], tmp_path, until)
             case "sh":

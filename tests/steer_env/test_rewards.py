@@ -1,4 +1,4 @@
-"""Rewards, costs and failures against docs/rewards.md: bounds by the declared terms, and against what pays."""
+"""Rewards, costs and failures against docs/make_a_task.md: bounds by the declared terms, and against what pays."""
 
 import functools
 import itertools

@@ -35,7 +35,7 @@ class Quantity(NamedTuple):
 
 
 class Term(NamedTuple):
-    """A term of the reward: weight times a quality from 0 to 1, integrated over the step (docs/rewards.md).
+    """A term of the reward: weight times a quality from 0 to 1, integrated over the step (docs/make_a_task.md).
 
     ``evaluate_step`` writes the integral as ``rewards.NAME``; :mod:`steer_env.engine.kernels` weights it as
     ``terms[k]`` and adds it to the reward. The weights of a task are positive and add up to 1 at most, but for the last

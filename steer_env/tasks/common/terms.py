@@ -1,6 +1,6 @@
 """What every task scores: quality of an error, ripple, effort and smoothness; costs and metrics that every task has.
 
-docs/rewards.md derives the rewards; the scales below are its numbers.
+docs/make_a_task.md derives the rewards; the scales below are its numbers.
 """
 
 import math
