@@ -176,8 +176,8 @@ def register(
     Raises
     ------
     ValueError
-        If the name is taken, functions are missing that belong together, or those of a law from outside the package do
-        not do what is said here.
+        If the name is taken, another law of the same file has a class of parameters of the same name, functions are
+        missing that belong together, or those of a law from outside the package do not do what is said here.
     """
     if parity and not callable(parity):
         raise ValueError(f"friction law {name!r}: parity must be a function of the parameters, got {parity!r}")

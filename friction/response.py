@@ -12,6 +12,7 @@ from steer_env.friction.level import Scales, chosen
 from steer_env.friction.numerics.check import numbers, positive
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.kernel import binds, kernel
+from steer_env.friction.ode import MOST_SUBSTEPS
 
 
 @binds(0, sites.bound)
@@ -61,14 +62,21 @@ def response(law: Any, x: ArrayLike, dt: float, friction_torque_scale: ArrayLike
     Raises
     ------
     ValueError
-        If ``law`` is none, ``x`` is not a finite one-dimensional history, ``dt`` or a scale is not positive, or the
-        scales are not as many as the samples.
+        If ``law`` is none, ``x`` is not a finite one-dimensional history, ``dt`` or a scale is not positive, the
+        scales are not as many as the samples, or the torque does not stay finite.
     """
     p = frozen(resolve(law))
     path = numbers("x", x)
     scales = _scales(friction_torque_scale, path.size)
     out = np.zeros_like(path)
     follow(p, scales, np.zeros(law_of(p).memory_size(p)), path, positive("dt", dt), out)
+    if not np.isfinite(out).all():
+        first = int(np.argmin(np.isfinite(out)))
+        raise ValueError(
+            f"the torque of friction law {law_of(p).name!r} is {out[first]} at sample {first}, "
+            f"{(path[first] - path[first - 1]) / dt:g} rad/s: check the unit of x, or sample it more densely, as a "
+            f"law that is integrated takes at most {MOST_SUBSTEPS:,} substeps between two samples"
+        )
     return out
 
 

@@ -67,7 +67,7 @@ class Registry(Generic[T]):
         Raises
         ------
         ValueError
-            If the name is taken.
+            If the name is taken, or another thing has a class of that name and module, by which compiled code is kept.
         """
         module = self._files().get(name)
         if module is not None and module not in sys.modules:  # the name belongs to a file of the folder
@@ -76,10 +76,22 @@ class Registry(Generic[T]):
         if known is not None and known != thing:
             where = getattr(getattr(known, "parameters", known), "__module__", "another module")
             raise ValueError(f"{self.kind} {name!r} is already registered by {where}")
-        self._things[name] = thing
         if parameters is not None:
+            self._check_class(name, thing, parameters)
             self._by_class[parameters] = thing
+        self._things[name] = thing
         return thing
+
+    def _check_class(self, name: str, thing: T, parameters: type) -> None:
+        for kind, other in self._by_class.items():
+            if other != thing and (kind.__module__, kind.__qualname__) == (
+                parameters.__module__,
+                parameters.__qualname__,
+            ):
+                raise ValueError(
+                    f"{self.kind} {name!r}: {kind.__module__} has two classes of parameters called "
+                    f"{kind.__qualname__}, which would share their compiled code: give this one another name"
+                )
 
     def know(self, parameters: type, thing: T) -> None:
         """Make :meth:`of` find a thing by a class, without a name by which it could be chosen."""

@@ -103,6 +103,8 @@ def test_register():
         law.register("lugre", dahl.parameters, **kernels, mean_torque=dahl.mean_torque)
     with refused(["'rust'", "mean_torque or solve"]):
         law.register("rust", dahl.parameters, **kernels)
+    with refused(["'rust'", "two classes of parameters called Dahl"]):
+        law.register("rust", dahl.parameters, **kernels, mean_torque=dahl.mean_torque)
     with refused(["'rust'", "cut_back", "in advance"]):
         law.register("rust", dahl.parameters, **kernels, mean_torque=dahl.mean_torque, cut_back=dahl.advance)
     del kernels["stored_energy"]

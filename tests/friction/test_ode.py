@@ -228,6 +228,8 @@ def test_what_never_becomes_steady_is_not_a_number_after_the_largest_number_of_s
     assert np.isnan(T)
     assert np.isnan(memory[:2]).all()
     assert not memory[2:].any()
+    with pytest.raises(ValueError, match="torque of friction law 'toy_wheel' is nan at sample 1, 1 rad/s"):
+        friction.response(p, [0.0, 1.0], 1.0)
 
 
 def test_a_memory_that_is_not_finite_ends_the_integration():
