@@ -52,6 +52,7 @@ class RecordedVector(gym.vector.VectorWrapper):
 
     def __init__(self, env):
         super().__init__(env)
+        self.autoreset_mode = env.metadata["autoreset_mode"]  # Gymnasium's wrappers do without, and TorchRL asks for it
         self.twins = [made() for _ in range(env.num_envs)]
 
     def reset(self, *, seed=None, options=None):
@@ -65,7 +66,7 @@ class RecordedVector(gym.vector.VectorWrapper):
         for twin, action in zip(self.twins, np.array(actions)):
             if twin.over:
                 twin.reset()
-                if self.env.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP:
+                if self.autoreset_mode is AutoresetMode.NEXT_STEP:
                     continue  # the step that resets takes no action
             twin.step(action)
         return self.env.step(actions)
