@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.friction.law import law_of, resolve, step
+from steer_env.friction.numerics.extras import install
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.kernel import bind
 
@@ -60,7 +61,7 @@ class JointFriction:
         try:
             import mujoco  # here, because it is an extra
         except ImportError:
-            raise ValueError("friction of joints needs the package mujoco: pip install '.[mujoco]'") from None
+            raise ValueError(f"friction of joints needs the package mujoco: {install('mujoco')}") from None
         self._mujoco: Any = mujoco
         self._model = model
         if not laws:

@@ -2,7 +2,7 @@
 
 CartPole-v1 and Pendulum-v1 of Gymnasium, EnvPool's Pendulum, highway-env's parking and racetrack and CommonRoad's
 right-hand sides run in turns with this project's environments, single and vector; ratios are medians over the rounds of
-one run. What is not installed is left out with a note: pip install '.[bench]'. The page comes with bench.json.
+one run. What is not installed is left out with a note. The page comes with bench.json.
 """
 
 import argparse

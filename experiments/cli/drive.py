@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from steer_env.experiments.cli.common import names, options
 from steer_env.experiments.cli.common.options import KPH, TORQUE
 from steer_env.experiments.pages import car_options
+from steer_env.friction.numerics.extras import install
 
 if TYPE_CHECKING:
     from steer_env.live.devices import Device
@@ -223,7 +224,7 @@ def _window(course: str, cars: list[Any]) -> Any:
         window = Window(Scene(course, cars[0]), cars)
         window.open()
     except DependencyNotInstalled:
-        raise ValueError("the window needs pygame-ce: pip install '.[drive]', or drive with --headless") from None
+        raise ValueError(f"the window needs pygame-ce: {install('drive')}, or drive with --headless") from None
     except NoWindowError as error:
         raise ValueError(f"the drive {error}: log in at a screen, or drive with --headless") from None
     return window

@@ -26,6 +26,7 @@ from steer_env.experiments.pages import files
 from steer_env.friction import sites
 from steer_env.friction.law import law_of
 from steer_env.friction.numerics import cache
+from steer_env.friction.numerics.extras import install
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.friction.numerics.packing import Floats, at_addresses
 from steer_env.friction.response import follow
@@ -38,7 +39,6 @@ TRIPLE, CPU, FEATURES = "wasm32-unknown-wasi", "generic", "+simd128"
 BEGINNING = "viscous"
 LINK = ("-target", "wasm32-wasi", "-mexec-model=reactor", "-mcpu=generic+simd128", "-O2", "-s")
 SAMPLES = 256  # of a displacement that a friction law follows
-INSTALL = "pip install '.[explore]'"
 
 
 def advancing(p: Plant) -> bytes:
@@ -112,7 +112,7 @@ def _kept(kernel: Any, kinds: tuple, name: str, p: Plant, further: Further | Non
 def _zig() -> str:
     """The version of zig; ValueError where it is missing."""
     if importlib.util.find_spec("ziglang") is None:
-        raise ValueError(f"a WebAssembly module is linked by zig, which is not installed: {INSTALL}")
+        raise ValueError(f"a WebAssembly module is linked by zig, which is not installed: {install('explore')}")
     return metadata.version("ziglang")
 
 

@@ -19,6 +19,7 @@ from steer_env.experiments.learning.constants import ALGORITHMS
 from steer_env.experiments.pages.options import Friction
 from steer_env.friction.numerics import archives, toml
 from steer_env.friction.numerics.check import not_negative, number, numbers, one_of, positive, whole
+from steer_env.friction.numerics.extras import install
 from steer_env.registration import DRIVEN, id_of
 
 Array = NDArray[np.float64]
@@ -47,7 +48,7 @@ def algorithm(name: str) -> Any:
             return RecurrentPPO
         import stable_baselines3
     except ModuleNotFoundError as error:
-        raise ValueError(f"policies need {error.name}: pip install '.[train]'") from None
+        raise ValueError(f"policies need {error.name}: {install('train')}") from None
     return {"ppo": stable_baselines3.PPO, "sac": stable_baselines3.SAC}[name]
 
 

@@ -9,6 +9,7 @@ from steer_env.experiments.pages.words import number
 from steer_env.experiments.studies.common import step_time
 from steer_env.experiments.studies.common.computing_time import Estimate
 from steer_env.experiments.studies.common.step_time import OWN, ROWS, Case, Results, Time
+from steer_env.friction.numerics.extras import install
 from steer_env.vehicle import cars
 
 NAME = "bench"
@@ -78,7 +79,7 @@ def build(found: Results) -> tuple[Page, dict[str, Any]]:
         "starts": [
             (name.replace("_", " "), "" if math.isnan(c) else number(c), number(w)) for name, c, w in found.starts
         ],
-        "notes": found.notes,
+        "notes": [f"{note}: {install('bench')}" for note in found.notes],
         "versions": versions,
     }
     return Page(NAME, values), {**step_time.as_json(found), "versions": versions}

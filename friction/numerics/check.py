@@ -5,6 +5,7 @@ import math
 import operator
 import warnings
 from collections.abc import Callable, Iterable, Mapping
+from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
@@ -90,6 +91,15 @@ def one_of(name: str, value: Any, allowed: Iterable[Any]) -> Any:
     if value not in known:
         raise ValueError(f"{name} must be one of {', '.join(map(str, known))}, got {value!r}")
     return value
+
+
+def did_you_mean(name: str, names: Iterable[str]) -> str:
+    """A clause of a message with those of ``names`` that are similar to ``name``, or with the first thirty names."""
+    names = list(dict.fromkeys(names))
+    close = [entry for entry in names if entry.endswith((f".{name}", f":{name}"))] or get_close_matches(name, names)
+    if close:
+        return f"did you mean {' or '.join(close)}?"
+    return f"there are {', '.join(names[:30])}{', ...' if len(names) > 30 else ''}"
 
 
 def positive(name: str, value: Any) -> float:

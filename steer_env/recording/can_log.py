@@ -39,9 +39,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from steer_env.friction.numerics.check import did_you_mean
 from steer_env.recording import can_database, own_process
 from steer_env.recording.can_database import Message, group_of, identifier, selected
-from steer_env.recording.channel_mapping import SIGNED, did_you_mean
+from steer_env.recording.channel_mapping import SIGNED
 from steer_env.recording.table import (
     MOST_DOUBLED,
     NO_VALUE,

@@ -23,12 +23,11 @@ that begins with ``own_``, and a unit.
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from difflib import get_close_matches
 from os import PathLike
 from typing import Any, NamedTuple
 
 from steer_env.friction.numerics import toml
-from steer_env.friction.numerics.check import number, read_number
+from steer_env.friction.numerics.check import did_you_mean, number, read_number
 from steer_env.recording.recording import check_meta
 from steer_env.recording.units import COUNTS, SPELLINGS, parse_unit
 from steer_env.vehicle import plant
@@ -173,15 +172,6 @@ def parse_entry(text: str) -> Entry:
         return entry(name, given)
     except ValueError as error:
         raise ValueError(f"{text!r}: {error}") from None
-
-
-def did_you_mean(name: str, names: Iterable[str]) -> str:
-    """A clause of a message with those of ``names`` that are similar to ``name``, or with the first thirty names."""
-    names = list(dict.fromkeys(names))
-    close = [entry for entry in names if entry.endswith((f".{name}", f":{name}"))] or get_close_matches(name, names)
-    if close:
-        return f"did you mean {' or '.join(close)}?"
-    return f"there are {', '.join(names[:30])}{', ...' if len(names) > 30 else ''}"
 
 
 def _check_unit(where: str, name: str, unit: str) -> None:

@@ -14,9 +14,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from steer_env.friction.numerics.check import did_you_mean
 from steer_env.recording import can_log, csv_file, mat_file, mdf_file, parquet_file
 from steer_env.recording import channel_mapping as mappings
-from steer_env.recording.channel_mapping import KNOWN, Entry, Mapping, did_you_mean
+from steer_env.recording.channel_mapping import KNOWN, Entry, Mapping
 from steer_env.recording.recording import Recording
 from steer_env.recording.table import TIMING, Column, Table, Values, last_of_stamp, time_place
 from steer_env.recording.units import COUNTS, FILE_UNITS, SPELLINGS, parse_unit, spellings

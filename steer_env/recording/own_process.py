@@ -9,6 +9,8 @@ import tempfile
 from collections.abc import Callable
 from typing import TypeVar
 
+from steer_env.friction.numerics.extras import install
+
 Found = TypeVar("Found")
 
 _CHILD = """
@@ -28,7 +30,7 @@ pickle.dump(answer, out, pickle.HIGHEST_PROTOCOL)
 def require(package: str, what: str, extra: str) -> None:
     """ValueError with the command that installs a package of an extra, where it is missing."""
     if importlib.util.find_spec(package) is None:
-        raise ValueError(f"{what} need the package {package}: pip install '.[{extra}]'")
+        raise ValueError(f"{what} need the package {package}: {install(extra)}")
 
 
 def read(kind: str, function: Callable[..., Found], *arguments: object) -> Found:

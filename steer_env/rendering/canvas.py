@@ -12,6 +12,8 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from steer_env.friction.numerics.extras import install
+
 Colour = tuple[int, int, int]
 Box = tuple[int, int, int, int]  # left, top, width, height
 
@@ -25,7 +27,7 @@ def _pygame() -> Any:
     try:
         import pygame  # here, because only pictures need it
     except ImportError as error:
-        message = "render_mode draws with pygame-ce, which is not installed: pip install '.[render]'"
+        message = f"render_mode draws with pygame-ce, which is not installed: {install('render')}"
         raise gym.error.DependencyNotInstalled(message) from error
     return pygame
 

@@ -5,6 +5,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from steer_env.experiments.cli.common.names import EXTRA_OF_FORMAT
+from steer_env.friction.numerics.extras import install
 
 MODULES = {
     "train": ("torch", "stable_baselines3"),
@@ -26,7 +27,7 @@ def require(extra: str, what: str, *more: str) -> None:
     """ValueError with the command that installs an extra, unless its modules (and ``more`` of it) are there."""
     missing = [name for name in (*MODULES[extra], *more) if find_spec(name) is None]
     if missing:
-        raise ValueError(f"{what} needs {', '.join(missing)}: pip install '.[{extra}]'")
+        raise ValueError(f"{what} needs {', '.join(missing)}: {install(extra)}")
 
 
 def require_format(paths: Iterable[str | Path]) -> None:

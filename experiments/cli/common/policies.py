@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from steer_env.experiments.cli.common import inputs
 from steer_env.experiments.cli.common.options import SHIPPED
+from steer_env.friction.numerics.extras import install
 
 if TYPE_CHECKING:
     from steer_env.experiments.sweep import Runner
@@ -92,7 +93,7 @@ def evaluate_and_report(
     from steer_env.experiments.sweep import run
 
     if find_spec("pygame") is None:
-        print("steer-env: no pictures of episodes, which need pygame: pip install '.[render]'", file=sys.stderr)
+        print(f"steer-env: no pictures of episodes, which need pygame: {install('render')}", file=sys.stderr)
     controllers = {**controllers, **{k: v for k, v in baselines(env_id).items() if k not in controllers}}
     with progress("evaluating") as notify:
         found = policy_report.evaluate(env_id, controllers, args.episodes, notify, sweep=sweep or run, **made)

@@ -26,7 +26,8 @@ from steer_env.connect.external.fmu_process import FmuError, Instance, Library, 
 from steer_env.connect.external.mapping import Entry, factor
 from steer_env.connect.external.vehicle import GIVEN, START_SPEED, TAKEN, Array, CouplingError
 from steer_env.friction.numerics import archives
-from steer_env.recording.channel_mapping import did_you_mean
+from steer_env.friction.numerics.check import did_you_mean
+from steer_env.friction.numerics.extras import install
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 _REAL = ("Real", "Float64")
@@ -269,7 +270,7 @@ def _description(path: Path) -> Any:
         import fmpy
     except ImportError:
         raise ValueError(
-            f"{path}: a unit is loaded by the package fmpy, which is not installed: pip install '.[fmu]'"
+            f"{path}: a unit is loaded by the package fmpy, which is not installed: {install('fmu')}"
         ) from None
     try:
         with archives.opened(path, "FMU") as archive:

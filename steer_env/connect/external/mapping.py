@@ -33,8 +33,7 @@ from typing import Any, NamedTuple
 
 from steer_env.connect.external.vehicle import GIVEN, OF_PLANT, START_SPEED, TAKEN
 from steer_env.friction.numerics import toml
-from steer_env.friction.numerics.check import flag, number, whole
-from steer_env.recording.channel_mapping import did_you_mean
+from steer_env.friction.numerics.check import did_you_mean, flag, number, whole
 from steer_env.recording.units import SPELLINGS, parse_unit
 from steer_env.vehicle.subsystems.chassis import HELD_SPEED
 

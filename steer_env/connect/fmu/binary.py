@@ -19,13 +19,13 @@ import numpy as np
 
 from steer_env.connect.fmu.object_code import PLATFORMS, SOURCE, Processor, assembler
 from steer_env.connect.variables import Variable
+from steer_env.friction.numerics.extras import install
 from steer_env.friction.numerics.packing import pack
 from steer_env.vehicle.subsystems import Subsystem
 from steer_env.vehicle.subsystems.poses import has_poses
 
 SOURCES = Path(__file__).parent / "c"
 _FLAGS = ("-std=gnu11", "-O2", "-shared", "-Wall", "-Wextra", "-Wno-unused-parameter", "-s")
-INSTALL = "pip install '.[fmu]'"
 
 
 def headers() -> Path:
@@ -38,7 +38,7 @@ def headers() -> Path:
     """
     found = importlib.util.find_spec("fmpy")
     if found is None or found.origin is None:
-        raise ValueError(f"the headers of FMI come with the package fmpy, which is not installed: {INSTALL}")
+        raise ValueError(f"the headers of FMI come with the package fmpy, which is not installed: {install('fmu')}")
     return Path(found.origin).parent / "c-code"
 
 
@@ -56,7 +56,7 @@ def compiler(platform: str) -> list[str]:
         return []
     if PLATFORMS[platform].zig:
         if importlib.util.find_spec("ziglang") is None:
-            raise ValueError(f"{platform} is linked by zig, which is not installed: {INSTALL}")
+            raise ValueError(f"{platform} is linked by zig, which is not installed: {install('fmu')}")
         return [sys.executable, "-m", "ziglang", "cc", "-target", PLATFORMS[platform].zig]
     if sys.platform != "linux":
         raise ValueError(f"a binary for linux64 is linked on Linux only, and this is {sys.platform}")

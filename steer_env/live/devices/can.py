@@ -11,9 +11,9 @@ from itertools import product
 from typing import Any, NamedTuple
 
 from steer_env.friction.numerics.bounds import within
-from steer_env.friction.numerics.check import number, read_number
+from steer_env.friction.numerics.check import did_you_mean, number, read_number
+from steer_env.friction.numerics.extras import install
 from steer_env.live.devices.common.device import Clock, Device, DeviceError, Reading, register
-from steer_env.recording.channel_mapping import did_you_mean
 from steer_env.recording.units import parse_unit
 
 _MOST = 1000  # frames that one call takes; the rest waits
@@ -105,7 +105,7 @@ class Can(Device):
             import can  # here, because they are an extra
             import cantools
         except ImportError:
-            raise DeviceError("CAN needs the packages python-can and cantools: pip install '.[drive]'") from None
+            raise DeviceError(f"CAN needs the packages python-can and cantools: {install('drive')}") from None
         self._can = can
         self._messages = self._database(cantools)
         self._signals = {use: self._signal(use, name, _UNITS[use]) for use, name in self._names.items() if name}

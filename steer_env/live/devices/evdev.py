@@ -10,6 +10,7 @@ import errno
 import time
 from typing import Any
 
+from steer_env.friction.numerics.extras import install
 from steer_env.live.devices.common.commands import BUTTONS
 from steer_env.live.devices.common.device import Clock, DeviceError, Reading, pedal, register, wheel_angle
 from steer_env.live.devices.common.force_wheel import ForceWheel
@@ -64,7 +65,7 @@ class Evdev(ForceWheel):
             import evdev  # here, because it is an extra
         except ImportError:
             raise DeviceError(
-                "wheels by evdev need Linux and the package evdev: pip install '.[drive]'; elsewhere take device sdl"
+                f"wheels by evdev need Linux and the package evdev: {install('drive')}; elsewhere take device sdl"
             ) from None
         self._evdev, self._codes = evdev, evdev.ecodes
         self._wheel = self._found()

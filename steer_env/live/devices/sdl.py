@@ -10,6 +10,7 @@ import warnings
 from typing import Any
 
 from steer_env.friction.numerics.check import whole
+from steer_env.friction.numerics.extras import install
 from steer_env.live.devices.common.commands import BUTTONS
 from steer_env.live.devices.common.device import Clock, DeviceError, Reading, pedal, register, wheel_angle
 from steer_env.live.devices.common.force_wheel import ForceWheel
@@ -172,7 +173,7 @@ def _sdl_or_error() -> Any:
             warnings.simplefilter("ignore")  # it tells which library it has found
             import sdl2  # here, because it is an extra
     except ImportError:
-        raise DeviceError("wheels by SDL need the packages PySDL2 and pysdl2-dll: pip install '.[drive]'") from None
+        raise DeviceError(f"wheels by SDL need the packages PySDL2 and pysdl2-dll: {install('drive')}") from None
     sdl2.SDL_SetHint(sdl2.SDL_HINT_JOYSTICK_ALLOW_BACKGROUND_EVENTS, b"1")  # its window would be another one
     return sdl2
 

@@ -4,6 +4,7 @@ import time
 from typing import Any
 
 from steer_env.friction.numerics.check import whole
+from steer_env.friction.numerics.extras import install
 from steer_env.live.devices.common.commands import BUTTONS, buttons_of
 from steer_env.live.devices.common.device import Clock, Device, DeviceError, pedal
 
@@ -62,7 +63,7 @@ def pygame_or_error(about: str) -> Any:
     try:
         import pygame  # here, because it is an extra
     except ImportError:
-        raise DeviceError(f"{about} needs the package pygame-ce: pip install '.[drive]'") from None
+        raise DeviceError(f"{about} needs the package pygame-ce: {install('drive')}") from None
     return pygame
 
 
