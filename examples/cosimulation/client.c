@@ -3,7 +3,7 @@
  *     steer-env serve --subsystem car --describe c > packets.h
  *     cc -std=gnu11 -O2 -o client client.c -lm
  *     steer-env serve --subsystem car --port 5005 &
- *     ./client 127.0.0.1 5005
+ *     ./client 127.0.0.1 5005     # once the server has printed "ready"; it tries for five seconds
  *
  * It prints time, handwheel angle and torsion-bar torque after every millisecond. Both calls of 'serve' need the same
  * options of the car; with '--hands angle' the car follows the input hand_angle and not this torque. The sockets are
@@ -35,6 +35,7 @@ static int64_t now(void)
 static int exchange(int link, struct steer_request *request, struct steer_answer *answer)
 {
     struct steer_header *asked = &request->header, *told = &answer->header;
+    int reached = 1;
     asked->sent = now();
     asked->check = steer_checksum(request, sizeof *request);
     for (int i = 0; i < TRIES; i++) {
@@ -43,7 +44,8 @@ static int exchange(int link, struct steer_request *request, struct steer_answer
         for (;;) {
             ssize_t size = recv(link, answer, sizeof *answer, 0);
             if (size < 0) {
-                if (errno == ECONNREFUSED) /* the server does not receive at its port, yet */
+                reached = errno != ECONNREFUSED;
+                if (!reached) /* the server does not receive at its port, yet */
                     nanosleep(&(struct timespec){.tv_nsec = 1000L * PATIENCE_US}, NULL);
                 break; /* nothing in time: ask again */
             }
@@ -54,14 +56,17 @@ static int exchange(int link, struct steer_request *request, struct steer_answer
             if (told->session != asked->session || told->sequence != asked->sequence)
                 continue; /* an older answer */
             if (told->kind == STEER_REFUSED) {
-                fprintf(stderr, "refused with reason %u, detail %u\n", told->code, told->detail);
+                if (told->code == STEER_BAD_BUSY)
+                    fprintf(stderr, "another client's session is open, for %u s more if that stays silent\n", told->detail);
+                else
+                    fprintf(stderr, "refused with reason %u, detail %u\n", told->code, told->detail);
                 return 0;
             }
             asked->sequence++;
             return 1;
         }
     }
-    fprintf(stderr, "no answer\n");
+    fprintf(stderr, reached ? "no answer\n" : "nothing receives there: wait until the server prints 'ready'\n");
     return 0;
 }
 

@@ -2,7 +2,7 @@
 
     steer-env serve --subsystem car --describe json > packets.json
     steer-env serve --subsystem car --port 5005 &
-    python client.py 127.0.0.1 5005
+    python client.py 127.0.0.1 5005     # once the server has printed "ready"; it tries for five seconds
 
 It prints time, handwheel angle and torsion-bar torque after every millisecond. Both calls of 'serve' need the same
 options of the car; with '--hands angle' the car follows the input hand_angle and not this torque.
@@ -45,20 +45,22 @@ class Session:
         A lost packet costs time and nothing else, because the server carries out each sequence number once and gives
         the same answer again.
         """
-        request = self.packet(kind, samples, inputs)
+        request, reached = self.packet(kind, samples, inputs), True
         for _ in range(self.tries):
             self.link.send(request)
             try:
                 while (answer := self.understood(self.link.recv(4096))) is None:
                     pass  # an older answer
             except TimeoutError:
+                reached = True
                 continue
             except ConnectionRefusedError:  # the server does not receive at its port, yet
+                reached = False
                 time.sleep(self.patience)
                 continue
             self.sequence = (self.sequence + 1) % 2**32
             return answer
-        raise TimeoutError("no answer")
+        raise TimeoutError("no answer" if reached else "nothing receives there: wait until the server prints 'ready'")
 
     def packet(self, kind: str, samples: int, inputs: dict[str, float]) -> bytes:
         """The bytes of a request."""
@@ -88,7 +90,12 @@ class Session:
             return None
         if header["kind"] == self.layout["kinds"]["refused"]:
             reasons = {number: name for name, number in self.layout["reasons"].items()}
-            raise ValueError(f"refused: {reasons[header['code']]}, detail {header['detail']}")
+            reason = reasons[header["code"]]
+            if reason == "busy":
+                raise ValueError(
+                    f"another client's session is open, for {header['detail']} s more if that stays silent"
+                )
+            raise ValueError(f"refused: {reason}, detail {header['detail']}")
         names = (entry["name"] for entry in self.layout["outputs"])
         values = struct.unpack_from(f"<{len(self.layout['outputs'])}d", packet, self.header.size)
         return {"time": header["time"], **dict(zip(names, values))}

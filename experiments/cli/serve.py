@@ -1,6 +1,7 @@
 """Serve the car, its steering or its chassis to another program over UDP.
 
-It answers step by step, or runs freely in real time.
+It answers step by step, or runs freely in real time. It compiles, takes its port and prints "ready", in this order: a
+client that is started before finds nothing at the port.
 """
 
 import argparse
@@ -41,7 +42,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--silence", metavar="S", type=options.real, default=SILENCE, help=text)
     text = "print the layout of the packets and end; c is a header file"
     parser.add_argument("--describe", nargs="?", choices=FORMATS, const="text", help=text)
-    text = "print JSON: one line at the start, one with the counts at the end"
+    text = "print JSON: one line when it is ready, one with the counts at the end"
     parser.add_argument("--json", action="store_true", help=text)
 
 
@@ -94,7 +95,7 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _announce(args: argparse.Namespace, server: Any, found: Any) -> None:
-    """Say where the server receives, which a program that starts it reads, and what a wheel may do."""
+    """Say that the server is ready and where it receives, which a program that starts it reads; what a wheel may do."""
     from steer_env.live.real_time.haptics import MARGIN
 
     (address, port), layout = server.address, server.layout
@@ -114,7 +115,7 @@ def _announce(args: argparse.Namespace, server: Any, found: Any) -> None:
     if found:
         print(options.wheel_verdict(found))
     print(
-        f"{args.subsystem} at {address}, port {port}, {server.mode}: requests of {layout.request_size} bytes, answers "
-        f"of {layout.answer_size}, layout 0x{layout.fingerprint:08x}; Ctrl-C ends it",
+        f"ready: {args.subsystem} at {address}, port {port}, {server.mode}: requests of {layout.request_size} bytes, "
+        f"answers of {layout.answer_size}, layout 0x{layout.fingerprint:08x}; Ctrl-C ends it",
         flush=True,
     )

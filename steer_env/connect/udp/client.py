@@ -51,7 +51,7 @@ class Client:
     ValueError
         The server refuses, with the reason; or its answer is of another subsystem or version.
     TimeoutError
-        No answer.
+        No answer, or nothing receives there, as where a server still compiles.
     """
 
     period = 0  # asked for between answers, in free running [ms]
@@ -65,6 +65,7 @@ class Client:
         self.session = secrets.randbits(64)
         self.sequence = 0
         self.repeats = 0  # requests that were sent again
+        self._unreached = False  # whether the last request found nothing at the port
         self.time = 0.0  # of the simulation, at the last answer [s]
         try:
             self.outputs = self.exchange(OPEN, samples=self.period)  # at the begin, in the order of the layout
@@ -116,6 +117,11 @@ class Client:
                 return answer
             self.repeats += 1
         host, port = self.address
+        if self._unreached:
+            raise TimeoutError(
+                f"nothing receives at {host}, port {port}: start 'steer-env serve --port {port}' and wait for its line "
+                "'ready', which comes once it has compiled"
+            )
         raise TimeoutError(f"no answer from {host}, port {port}, to {self.tries} requests: is 'steer-env serve' there?")
 
     def request(self, kind: int, inputs: ArrayLike | None = None, samples: int = 0) -> bytes:
@@ -148,8 +154,10 @@ class Client:
             except TimeoutError:
                 return None
             except ConnectionRefusedError:  # nothing receives at the port, yet
+                self._unreached = True
                 time.sleep(self.patience)
                 return None
+            self._unreached = False
             header = unpacked(packet)
             if header is None or (header["session"], header["sequence"]) != (self.session, self.sequence):
                 continue  # another's, or the answer to a request that was repeated
@@ -176,6 +184,10 @@ class Client:
         if not 1 <= code <= len(REASONS):
             return f"for the reason {code}, which this version of the protocol does not know"
         name, text = list(REASONS.items())[code - 1]
+        if name == "busy":
+            return (
+                f"busy: another client's session is open, and ends in {detail} s if that stays silent; try again then"
+            )
         if name == "parameter" and detail < len(parameters):
             about, value = parameters[detail], np.frombuffer(request, "<f8", 1, HEADER_SIZE)[0]
             bounds = (("at least", about.low), ("at most", about.high))

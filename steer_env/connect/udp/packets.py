@@ -34,7 +34,12 @@ FIELDS = (
         "number of the parameter, from 0, whose value is the first input",
     ),
     ("code", "<u4", "of refused the reason, of opened the mode, of stepped in free running the phase of the watchdog"),
-    ("detail", "<u4", "of the reason VALUE the number of the input, of PARAMETER that of the parameter; else 0"),
+    (
+        "detail",
+        "<u4",
+        "of the reason VALUE the number of the input, of PARAMETER that of the parameter, of BUSY the time after which "
+        "the open session ends if its client stays silent [s]; else 0",
+    ),
     ("time", "<f8", "simulation time of the values [s]"),
     ("sent", "<i8", "monotonic clock of the sender [ns]"),
     ("echo", "<i8", "in an answer the field sent of its request [ns]"),
@@ -70,7 +75,7 @@ REASONS = {
     "version": "the packet is of another version of the protocol",
     "layout": "the packet is of another subsystem, or its size is another",
     "kind": "a request of this kind is not known",
-    "busy": "a session of another client is open",
+    "busy": "a session of another client is open; after the seconds in the field detail it ends if that stays silent",
     "no_session": "the session is not open: it was closed, or silent for too long, or never opened",
     "used": "the number of the session was used before: take a new one",
     "sequence": "requests are missing in between: the sequence number is ahead by more than one",

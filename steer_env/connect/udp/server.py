@@ -14,6 +14,7 @@ from steer_env.connect.udp.packets import MODES, layout_of
 from steer_env.connect.udp.session import (
     NOTHING,
     REFUSAL,
+    SILENCE,
     UNSENT,
     WELCOME,
     Link,
@@ -61,16 +62,14 @@ def send(descriptor, datagram, receiver):
     return _sendto(descriptor, datagram.ctypes, size, 0, receiver.ctypes, ADDRESS_SIZE) == size
 
 
-def bound_socket(address: str, port: int, wait: float) -> socket.socket:
-    """A socket for datagrams at an address of this machine, whose :func:`receive` waits for so long [s].
+def bind(made: socket.socket, address: str, port: int) -> None:
+    """Let a socket receive at an address of this machine.
 
     Raises
     ------
     ValueError
-        Another operating system, kernels that are not compiled, or an address or port that cannot be used.
+        An address or port that cannot be used; the socket is then closed.
     """
-    check()
-    made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
         made.bind((address, port))
     except (OSError, OverflowError) as error:
@@ -80,13 +79,9 @@ def bound_socket(address: str, port: int, wait: float) -> socket.socket:
             f"cannot receive at address {address}, port {port}: {told}; give the address of an interface of this "
             "machine, and a port that no other program uses (0 takes a free one)"
         ) from None
-    seconds = int(wait)
-    made.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, struct.pack("ll", seconds, int(1e6 * (wait - seconds))))
-    return made
 
 
 LOOPBACK = "127.0.0.1"
-SILENCE = 10.0  # of a client, after which its session ends [s]; assumed
 MOST_PER_SAMPLE = 64  # datagrams that free running takes in a sample; the rest waits
 
 
@@ -99,7 +94,6 @@ class Port(NamedTuple):
     length: NDArray[np.int32]  # (1,) of an address
     time: NDArray[np.int64]  # (2,) of the clock
     stop: NDArray[np.int64]  # (1,) not 0 where the loop is to end
-    silence: int  # [ns]
 
 
 class Udp(NamedTuple):
@@ -126,7 +120,7 @@ def lockstep(model, link, port):
     while port.stop[0] == 0:
         size = receive(port.descriptor, link.received, port.sender, port.length, 0)
         now = clock(port.time)
-        end_where_silent(link, now, port.silence)
+        end_where_silent(link, now)
         if size >= 0:
             _handle(model, link, port, size, now)
 
@@ -139,7 +133,7 @@ def _read(device, model, now):
         if size < 0:
             break
         _handle(model, link, port, size, now)
-    return link.state[0].asked if end_where_silent(link, now, port.silence) else NEVER
+    return link.state[0].asked if end_where_silent(link, now) else NEVER
 
 
 @kernel
@@ -156,6 +150,8 @@ register(Udp, _read, _write)
 
 class Server(Worker):
     """A subsystem behind a port, for one client at a time; it serves within a ``with`` block.
+
+    It compiles before it takes its port: until then a client is told that nothing receives there.
 
     Parameters
     ----------
@@ -193,10 +189,12 @@ class Server(Worker):
     ) -> None:
         one_of("mode", mode, MODES)
         self.layout, self.mode = layout_of(subsystem), mode
-        self._socket = bound_socket(address, port, WAKE)
-        self.address: tuple[str, int] = self._socket.getsockname()
+        check()
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, struct.pack("ll", 0, int(1e6 * WAKE)))
         self.loop, made = loop_of(limits or Limits()), tunable(subsystem)
-        self._link, model = link_of(self.layout, mode, made.numbers[0]), model_of(subsystem._replace(parameters=made))
+        self._link = link_of(self.layout, mode, made.numbers[0], silence)
+        model = model_of(subsystem._replace(parameters=made))
         of_socket = Port(
             descriptor=self._socket.fileno(),
             sender=np.zeros(2, np.uint64),
@@ -204,13 +202,14 @@ class Server(Worker):
             length=np.zeros(1, np.int32),
             time=np.zeros(2, np.int64),
             stop=self.loop.stop,
-            silence=int(1e9 * silence),
         )
         if mode == "lockstep":
             super().__init__(lockstep, (model, self._link, of_socket), self.loop.stop, priority)
         else:
             device = Udp(self._link, of_socket)
             super().__init__(real_time.run, (model, self.loop, device), self.loop.stop, priority)
+        bind(self._socket, address, port)
+        self.address: tuple[str, int] = self._socket.getsockname()
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None

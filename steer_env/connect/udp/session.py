@@ -84,6 +84,7 @@ COUNTS = {
 NOTHING, ANSWER, REFUSAL, WELCOME = range(4)  # WELCOME: an answer to a client that the session begins with
 
 _CYCLE = 2**32  # of sequence numbers
+_SECOND = 1_000_000_000  # [ns]
 
 STATE = np.dtype(
     [
@@ -105,6 +106,7 @@ class Link(NamedTuple):
 
     layout: int  # fingerprint
     mode: int  # of MODES
+    silence: int  # of a client, after which its session ends [ns]
     state: Any  # (1,) of STATE
     counts: NDArray[np.int64]  # (N,) in the order of COUNTS
     received: NDArray[np.int64]  # the datagram, with room for LARGEST bytes
@@ -122,8 +124,13 @@ class Link(NamedTuple):
     high: NDArray[np.float64]  # (P,) largest value of each
 
 
-def link_of(layout: Layout, mode: str = "lockstep", numbers: NDArray[np.float64] | None = None) -> Link:
-    """The memory of a server in a mode of ``MODES``, before its first session.
+SILENCE = 10.0  # of a client, after which its session ends [s]; assumed
+
+
+def link_of(
+    layout: Layout, mode: str = "lockstep", numbers: NDArray[np.float64] | None = None, silence: float = SILENCE
+) -> Link:
+    """The memory of a server in a mode of ``MODES``, before its first session; ``silence`` [s] of a client ends one.
 
     ``numbers`` (N,) are those of a ``steer_env.vehicle.subsystems.machine_code.Tunable``, which "tune" changes; without
     them there are no parameters.
@@ -136,6 +143,7 @@ def link_of(layout: Layout, mode: str = "lockstep", numbers: NDArray[np.float64]
     return Link(
         layout=layout.fingerprint,
         mode=MODES[mode],
+        silence=int(_SECOND * silence),
         state=np.zeros(1, STATE).view(np.recarray),
         counts=np.zeros(len(COUNTS), np.int64),
         received=received.view(np.int64),
@@ -208,7 +216,7 @@ def respond(model, link, size, known, now):
     if request.kind == OPEN:
         return _open(model, link, now)
     if not (same and state.open):
-        return _refuse(link, BUSY if state.open else NO_SESSION, 0, now)
+        return _busy(link, now) if state.open else _refuse(link, NO_SESSION, 0, now)
     state.heard = now
     if link.mode != FREE_RUNNING and ahead > 1:
         return _refuse(link, BAD_SEQUENCE, 0, now)
@@ -243,7 +251,7 @@ def _open(model, link, now):
     """Begin a session, unless another is open."""
     request, state = link.request[0], link.state[0]
     if state.open:
-        return _refuse(link, BUSY, 0, now)
+        return _busy(link, now)
     if link.counts[SESSIONS] > 0 and request.session == state.session:
         return _refuse(link, USED, 0, now)
     if link.mode == FREE_RUNNING and request.samples > MOST_SAMPLES:
@@ -360,6 +368,12 @@ def _refuse(link, reason, detail, now):
 
 
 @kernel
+def _busy(link, now):
+    """Refuse because of the open session, with the time after which it ends if its client stays silent, rounded up."""
+    return _refuse(link, BUSY, max(-((now - link.state[0].heard - link.silence) // _SECOND), 1), now)
+
+
+@kernel
 def _address(link, header, kind):
     """Fill what an answer or refusal has of its request, and of the session."""
     request = link.request[0]
@@ -376,10 +390,10 @@ def _finish(header, packet, now):
 
 
 @kernel
-def end_where_silent(link, now, timeout):
-    """End the session of a client from which nothing was heard for ``timeout`` [ns]; whether a session is open."""
+def end_where_silent(link, now):
+    """End the session of a client from which nothing was heard for too long; whether a session is open."""
     state = link.state[0]
-    if state.open and now - state.heard > timeout:
+    if state.open and now - state.heard > link.silence:
         state.open = 0
         link.counts[SILENT] += 1
     return state.open != 0

@@ -12,11 +12,11 @@ from steer_env.vehicle.subsystems.machine_code import tunable
 class Direct:
     """The memory of a server of a part, and a client's way to it."""
 
-    def __init__(self, subsystem="steering", mode="lockstep", tuned=False, **options):
+    def __init__(self, subsystem="steering", mode="lockstep", tuned=False, silence=10.0, **options):
         speed = 20.0
         self.subsystem = subsystems.make(subsystem, cars.load("compact").plant(speed=speed, **options), speed)
         self.layout = layout_of(self.subsystem)
-        self.model, self.link = model_of(self.subsystem), link_of(self.layout, mode)
+        self.model, self.link = model_of(self.subsystem), link_of(self.layout, mode, silence=silence)
         if tuned:
             made = tunable(self.subsystem)
             self.model = model_of(self.subsystem._replace(parameters=made))

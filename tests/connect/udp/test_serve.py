@@ -8,6 +8,7 @@ import signal
 import socket
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ import pytest
 
 from steer_env.connect.udp import Client, Server, Stream, layout_of
 from steer_env.experiments.cli.main import main
+from steer_env.live.real_time.system import Worker
 from steer_env.vehicle import plant
 from steer_env.vehicle.subsystems import CLASSES, advance
 from tests.connect.udp.served import ROOT, FaultyClient, layout, part_of, serving
@@ -209,6 +211,55 @@ def sine():
     # as the C library computes it, where numpy's vectors may differ in the last bit
     given[:, 0] = [3.0 * math.sin(2.0 * math.pi * 1e-3 * i) for i in range(1, 1001)]
     return driven(part, given)[:, [plant.CHANNEL["handwheel_angle"], plant.CHANNEL["torsion_bar_torque"]]]
+
+
+@pytest.fixture
+def port():
+    """A port that nobody uses."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        return free.getsockname()[1]
+
+
+def test_a_client_that_is_started_before_its_server_waits_for_it(port):
+    part = part_of("steering")
+    with ThreadPoolExecutor(1) as pool:
+        early = pool.submit(Client, layout_of(part), ("127.0.0.1", port), tries=1000)
+        with Server(part, port=port) as server, early.result() as client:
+            found = client.step([3.0, 0.0, 0.0, 0.0, 500.0, 20.0])
+            assert server.counts()["sessions"] == 1
+    assert np.isfinite(found).all()
+
+
+def test_a_client_at_a_port_of_nobody_is_told_to_wait_for_ready(port):
+    with pytest.raises(
+        TimeoutError, match=rf"nothing receives at 127\.0\.0\.1, port {port}: .* wait for its line 'ready'"
+    ):
+        Client(layout("steering"), ("127.0.0.1", port), patience=0.01, tries=2)
+
+
+def test_a_client_is_told_when_the_session_of_another_ends():
+    part = part_of("steering")
+    busy = pytest.raises(ValueError, match=r"busy: .* ends in 30 s if that stays silent")
+    with Server(part, silence=30.0) as server, Client(server.layout, server.address), busy:
+        Client(server.layout, server.address)
+
+
+def test_a_server_takes_its_port_when_it_has_compiled(monkeypatch, port):
+    """A client is not kept waiting at a port behind which nothing answers yet."""
+    taken = []
+    real = Worker.__init__
+
+    def compiling(self, *arguments):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+            other.bind(("127.0.0.1", port))
+            taken.append(port)
+        real(self, *arguments)
+
+    monkeypatch.setattr(Worker, "__init__", compiling)
+    with Server(part_of("steering"), port=port) as server:
+        assert server.address == ("127.0.0.1", port)
+    assert taken
 
 
 def test_the_example_in_python(capsys):

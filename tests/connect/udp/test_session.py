@@ -118,7 +118,7 @@ def test_a_value_beyond_its_bound_is_not_taken(value):
     assert answer["kind"] == KINDS["tuned"]
     assert tune(direct, 1, "level.asymmetry", -0.9)[1] == answer  # the same request gets the same answer
     assert refused(tune(direct, 2, "level.asymmetry", -0.91)[1], "parameter", number)
-    assert refused(tune(direct, 2, "level.asymmetry", 0.1, session=9)[1], "busy")
+    assert refused(tune(direct, 2, "level.asymmetry", 0.1, session=9)[1], "busy", 10)
 
 
 def test_a_plant_without_code_has_no_parameters(served):
@@ -241,10 +241,10 @@ def test_packets_of_another_version_part_or_kind_are_refused(served):
 
 def test_one_client_at_a_time(served):
     state = served.model.state.copy()
-    assert refused(served.ask("open", 0, known=False, session=8), "busy")
-    assert refused(served.ask("open", 5, session=8), "busy")
-    assert refused(served.ask("step", 1, known=False), "busy")
-    assert refused(served.ask("close", 1, session=8), "busy")
+    assert refused(served.ask("open", 0, known=False, session=8), "busy", 10)
+    assert refused(served.ask("open", 5, session=8), "busy", 10)
+    assert refused(served.ask("step", 1, known=False), "busy", 10)
+    assert refused(served.ask("close", 1, session=8), "busy", 10)
     assert np.array_equal(served.model.state, state)
     assert served.ask("step", 1)["kind"] == KINDS["stepped"]
     assert served.ask("close", 2)["kind"] == KINDS["closed"]
@@ -262,10 +262,19 @@ def test_every_session_begins_alike(served):
     assert served.send(served.request("step", 1, session=9, samples=50))[HEADER_SIZE:] == first
 
 
+def test_busy_tells_after_how_many_seconds_the_session_of_a_dead_client_ends(served):
+    second = 1_000_000_000
+    served.ask("step", 1, now=0)
+    for now, left in ((0.0, 10), (0.1, 10), (7.5, 3), (9.9, 1)):
+        assert served.ask("open", 0, known=False, session=8, now=int(now * second))["detail"] == left
+    assert not end_where_silent(served.link, int(9.9 * second) + left * second)
+    assert served.ask("open", 0, known=False, session=8, now=11 * second)["kind"] == KINDS["opened"]
+
+
 def test_a_silent_session_ends(served):
     served.ask("step", 1, now=1000)
-    assert end_where_silent(served.link, 1500, 500)
-    assert not end_where_silent(served.link, 1501, 500)
+    assert end_where_silent(served.link, 10_000_001_000)
+    assert not end_where_silent(served.link, 10_000_001_001)
     assert refused(served.ask("step", 2), "no_session")
     assert served.counts("silent") == {"silent": 1}
 
