@@ -1,6 +1,8 @@
 """The examples run, in short."""
 
+import ast
 import importlib.util
+import json
 import re
 import runpy
 import sys
@@ -39,6 +41,28 @@ def test_train_a_policy(tmp_path):
     assert 0.4 < found["boost table"] < 0.55
     assert np.isfinite(found["policy"])
     assert (tmp_path / "frame.png").stat().st_size > 10_000
+
+
+@needs("pandas")
+@pytest.mark.whole
+@pytest.mark.parametrize("path", sorted((FOLDER / "notebooks").glob("*.ipynb")), ids=lambda path: path.stem)
+def test_a_notebook_runs_and_shows_something_in_each_code_cell_that_ends_in_a_result(path, monkeypatch):
+    """Each cell in turn, as plain Python; what ends a cell has a text that fits on a screen, or a table."""
+    monkeypatch.chdir(path.parent)
+    plt.switch_backend("agg")
+    names, shown = {}, []
+    for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]:
+        if cell["cell_type"] != "code":
+            continue
+        tree = ast.parse("".join(cell["source"]))
+        result = ast.Expression(tree.body.pop().value) if isinstance(tree.body[-1], ast.Expr) else None
+        exec(compile(tree, path.name, "exec"), names)
+        if result is not None:
+            shown.append(eval(compile(result, path.name, "eval"), names))
+    assert len(shown) >= 4
+    assert all(hasattr(each, "_repr_html_") or len(repr(each)) < 500 for each in shown)
+    assert any(axes.lines for number in plt.get_fignums() for axes in plt.figure(number).axes)
+    plt.close("all")
 
 
 @pytest.mark.whole

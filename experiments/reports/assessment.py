@@ -165,7 +165,7 @@ class Assessment(NamedTuple):
     """Metrics of recordings of a test, with their ratings, differences to the first and curves."""
 
     test: str
-    values: dict[str, dict[str, Value]]  # label of the recording -> metric
+    values: Mapping[str, dict[str, Value]]  # label of the recording -> metric
     ratings: dict[str, dict[str, targets.Rating | None]]  # label -> metric with a target band
     bands: dict[str, targets.Band]
     targets: targets.Targets | None

@@ -32,6 +32,7 @@ from steer_env.friction.identification.scales import Scales, scaled
 from steer_env.friction.identification.space import Space, checked_space, sought_of, space_of, within_law
 from steer_env.friction.law import Law, Sliders, law_of, make
 from steer_env.friction.level import Level
+from steer_env.friction.numerics import shown
 from steer_env.friction.numerics.check import number, positive, whole
 
 STEP = 1e-5  # of a coordinate, for the derivative of the saturated torque [1]
@@ -73,6 +74,69 @@ class Fit(NamedTuple):
         math.nan,
         math.nan,
     )  # in place of the offset, and its interval [1]
+    record: Record | None = None  # that was given to :func:`fit`
+
+    def __repr__(self) -> str:
+        found = self.parameters._asdict()
+        values = [
+            f"{key} {np.shape(value)}" if np.ndim(value) else f"{key}={value:.4g}" for key, value in found.items()
+        ]
+        told = f"; warnings: {len(self.warnings)}" if self.warnings else ""
+        return f"<Fit of {self.law}: {', '.join(values)}; residual {self.residual:.3g}{told}>"
+
+    def _rows(self) -> list[dict[str, Any]]:
+        units = dict(law_of(self.parameters).units) | {"offset": "N m", "inertia": "kg m2", "saturated": "N m"}
+        saturated, *ends = self.saturated
+        found = self.parameters._asdict() | {"offset": self.offset, "inertia": self.inertia, "saturated": saturated}
+        found |= {name: getattr(self.level, name) for name in self.intervals if hasattr(self.level, name)}
+        intervals = self.intervals | {"saturated": tuple(ends)}
+        rows = []
+        for name, value in found.items():
+            low, high = intervals.get(name, (math.nan, math.nan))
+            row = {"parameter": name, "value": value, "low": low, "high": high, "unit": units.get(name, "")}
+            rows.append(row | {"determined": name not in self.undetermined})
+        return rows
+
+    def _repr_html_(self) -> str:
+        return shown.html("; ".join((repr(self), *self.warnings)), self._rows())
+
+    def to_frame(self) -> Any:
+        """A ``pandas.DataFrame`` of value, 95 % interval, unit and whether the record determines it, by parameter.
+
+        ImportError without pandas.
+        """
+        return shown.frame(self._rows()).set_index("parameter")
+
+    def plot(self, record: Record | None = None, axes: Any = None) -> Any:
+        """Draw the torque of a record and that of the law over the displacement.
+
+        Parameters
+        ----------
+        record : Record, optional
+            By default the one that was given to :func:`fit`.
+        axes : matplotlib.axes.Axes, optional
+            By default in a new figure of pyplot.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        ValueError
+            Neither is there a record here, as in a fit of :func:`steer_env.friction.compare`, nor is one given.
+        """
+        from steer_env.friction.identification.compare import remainder  # here, as that module imports this one
+
+        record = self.record if record is None else record
+        if record is None:
+            raise ValueError("this fit does not hold the record that it is of: give it, fit.plot(record)")
+        axes = shown.new_axes() if axes is None else axes
+        axes.plot(record.x, record.torque, color="0.7", linewidth=3.0, label="record")
+        axes.plot(record.x, record.torque + remainder(record, self), label=self.law.replace("_", " "))
+        axes.set(xlabel="displacement [unit of the record]", ylabel="torque [unit of the record]")
+        axes.legend()
+        return axes
 
 
 class Options(NamedTuple):
@@ -176,7 +240,8 @@ def fit(
     options = Options(
         held, whole("starts", starts, 1), global_search, whole("seed", seed, 0), checked_order(order, load)
     )
-    return fitted(prepared(checked(x, torque, dt, load), inertia), law_of(usual), options)
+    record = checked(x, torque, dt, load)
+    return fitted(prepared(record, inertia), law_of(usual), options)._replace(record=record)
 
 
 def checked_order(order: float | str | None, load: ArrayLike | None) -> float | str | None:

@@ -3,7 +3,7 @@
 In memory all quantities are in SI units with angles in radians; :mod:`steer_env.recording.files` has the file formats.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from steer_env.friction.numerics.check import number
+from steer_env.friction.numerics import shown
+from steer_env.friction.numerics.check import did_you_mean, number
 from steer_env.recording.units import DEGREE, FILE_UNITS
 
 __all__ = ["DEGREE", "FILE_UNITS", "Recording", "check_meta", "interpolated", "step_counts"]
@@ -91,11 +92,75 @@ class Recording:
         return {each.name: getattr(self, each.name) for each in fields(self)}
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """Samples (T,) of a channel in its unit; ValueError for an unknown name, with the names of all channels."""
+        """Samples (T,) of a channel in its unit; ValueError for an unknown name, with the names that are near."""
         try:
             return self.channels[name]
         except KeyError:
-            raise ValueError(f"no channel {name!r} in this recording; it has {', '.join(self.channels)}") from None
+            raise ValueError(f"no channel {name!r} in this recording; {did_you_mean(name, self.channels)}") from None
+
+    def __repr__(self) -> str:
+        what = " ".join(str(self.meta[key]) for key in ("manoeuvre", "friction") if self.meta.get(key))
+        span = f"{self.time.size} samples from {self.time[0]:g} to {self.time[-1]:g} s"
+        return f"<Recording{f' of {what}' if what else ''}: {len(self.channels)} channels, {span}>"
+
+    def _repr_html_(self) -> str:
+        rows = []
+        for name, values in self.channels.items():
+            there = values[np.isfinite(values)]
+            low, high = (float(there.min()), float(there.max())) if there.size else (np.nan, np.nan)
+            rows.append({"channel": name, "unit": self.units[name], "least": low, "largest": high})
+        return shown.html(repr(self), rows)
+
+    def to_frame(self) -> Any:
+        """The channels as columns of a ``pandas.DataFrame`` in SI units, over the time [s].
+
+        ``attrs`` of the frame has ``units`` and ``meta``; ImportError without pandas.
+        """
+        found = shown.frame(dict(self.channels), index=self.time)
+        found.index.name = "time"
+        found.attrs = {"units": dict(self.units), "meta": deepcopy(dict(self.meta))}
+        return found
+
+    def plot(self, x: str, y: str | Sequence[str], axes: Any = None) -> Any:
+        """Draw channels over the time or over another channel, angles in degrees and all else in SI units.
+
+        Parameters
+        ----------
+        x : str
+            A channel, or ``"time"``.
+        y : str or sequence of str
+            One channel, or several of one unit, which a legend then names.
+        axes : matplotlib.axes.Axes, optional
+            Where to draw; by default in a new figure of pyplot.
+
+        Returns
+        -------
+        matplotlib.axes.Axes
+
+        Raises
+        ------
+        ValueError
+            There is no such channel, or those of ``y`` have several units.
+        """
+        names = [y] if isinstance(y, str) else list(y)
+        curves = [self._drawn(name) for name in names]
+        units = sorted({unit for _, unit in curves})
+        if len(units) != 1:
+            raise ValueError(f"y must be channels of one unit, got {names} in {units}: draw them in several plots")
+        over, unit = (self.time, "s") if x == "time" else self._drawn(x)
+        axes = axes if axes is not None else shown.new_axes()
+        for name, (values, _) in zip(names, curves):
+            axes.plot(over, values, label=name.replace("_", " "))
+        about = names[0].replace("_", " ") if len(names) == 1 else ""
+        axes.set(xlabel=f"{x.replace('_', ' ')} [{unit}]", ylabel=f"{about} [{units[0]}]".lstrip())
+        if not about:
+            axes.legend()
+        return axes
+
+    def _drawn(self, name: str) -> tuple[np.ndarray, str]:
+        """A channel (T,) as a reader sees it, angles in degrees, and its unit."""
+        values, unit = self[name], self.units[name]
+        return (values / DEGREE, unit.replace("rad", "deg")) if unit.startswith("rad") else (values, unit)
 
     @cached_property
     def rate(self) -> float:

@@ -22,7 +22,9 @@ def weave():
 
 def test_channels_are_found_by_name(weave):
     np.testing.assert_array_equal(weave["yaw_rate"], weave.channels["yaw_rate"])
-    with pytest.raises(ValueError, match="no channel 'yaw' in this recording; it has handwheel_angle, handwheel_tor"):
+    with pytest.raises(
+        ValueError, match="no channel 'yaw' in this recording; there are handwheel_angle, handwheel_tor"
+    ):
         weave["yaw"]
 
 

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 from steer_env.friction import defaults, level, resolve
+from steer_env.friction.numerics import shown
 from steer_env.friction.numerics.check import number
 from steer_env.friction.numerics.frozen import frozen, rebuilt
 from steer_env.friction.numerics.kernel import record
@@ -11,6 +12,7 @@ from steer_env.vehicle import chassis as chassis_models
 from steer_env.vehicle import road, step_limit, tyre
 from steer_env.vehicle.cars import contents
 from steer_env.vehicle.chassis.two_track import brakes, drivetrain, speed_hold
+from steer_env.vehicle.keys import declared_keys
 from steer_env.vehicle.plant import Plant
 from steer_env.vehicle.steering import column, eps
 from steer_env.vehicle.steering.kinds import common as kinds
@@ -75,6 +77,20 @@ class Car(NamedTuple):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return rebuilt, (Car, *self)
+
+    def __repr__(self) -> str:
+        c, kind = self.chassis, self.kind.replace("_", " ")
+        return f"<Car {self.name}: {c['mass']:g} kg, wheelbase {c['front_axle'] + c['rear_axle']:.4g} m, {kind}>"
+
+    def _repr_html_(self) -> str:
+        about, found = declared_keys(), self.data()
+        rows = [
+            {"key": f"{section}.{key}", "value": value, "unit": about[section][key].unit}
+            | {"meaning": about[section][key].meaning}
+            for section in about
+            for key, value in found.get(section, {}).items()
+        ]
+        return shown.html(f"{self!r} {self.description}", rows)
 
     def data(self) -> dict[str, Any]:
         """Complete contents of a car file: every key with its value, in SI units, as JSON and TOML hold them.

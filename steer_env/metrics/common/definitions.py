@@ -14,6 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from steer_env.friction.numerics import shown
+from steer_env.friction.numerics.check import did_you_mean
 from steer_env.metrics.common.registry import EVALUATIONS, tests
 from steer_env.recording.recording import DEGREE, Recording
 from steer_env.vehicle.constants import GRAVITY as G
@@ -61,6 +63,28 @@ class Value(NamedTuple):
     reason: str = ""
     repeats: tuple[float, ...] = ()  # the values of which `value` is the mean [unit]
     notes: tuple[str, ...] = ()  # what was corrected or allowed for, and what would be better, in sentences
+
+
+class Metrics(dict[str, Value]):
+    """The metrics of a recording by name, which a notebook shows as a table; a KeyError tells similar names."""
+
+    def __missing__(self, name: str) -> Value:
+        raise KeyError(f"no metric {name!r} here, {did_you_mean(name, self)}")
+
+    def __repr__(self) -> str:
+        refused = sum(bool(value.reason) for value in self.values())
+        return f"<Metrics: {len(self)} metrics{f', {refused} of them refused' if refused else ''}>"
+
+    def _rows(self) -> list[dict[str, Any]]:
+        columns = ("value", "low", "high", "unit", "reason")
+        return [{"metric": name} | {key: getattr(value, key) for key in columns} for name, value in self.items()]
+
+    def _repr_html_(self) -> str:
+        return shown.html(repr(self), self._rows())
+
+    def to_frame(self) -> Any:
+        """A ``pandas.DataFrame`` of value, interval, unit and reason, a row for each metric; ImportError without it."""
+        return shown.frame(self._rows()).set_index("metric")
 
 
 @dataclass(frozen=True)

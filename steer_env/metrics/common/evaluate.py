@@ -32,6 +32,7 @@ from steer_env.metrics.common.definitions import (
     Bounded,
     Doubt,
     Metric,
+    Metrics,
     RefusedError,
     Value,
     available,
@@ -125,7 +126,7 @@ def evaluate(
     torque_scale_error: float | None = None,
     intervals: bool = True,
     **given: Any,
-) -> dict[str, Value]:
+) -> Metrics:
     """Every metric of a test for a recording from a simulation or from a car.
 
     Parameters
@@ -153,8 +154,8 @@ def evaluate(
 
     Returns
     -------
-    dict of str to Value
-        One entry for every name of ``available(test)``; a refused metric has a reason.
+    Metrics
+        A dict with a :class:`Value` for every name of ``available(test)``; a refused metric has a reason.
 
     Raises
     ------
@@ -191,7 +192,7 @@ def evaluate(
     notes += tuple(Beyond(**each).words for each in recording.meta.get(BEYOND_TYRE, ()))
     if scale and (torque := _hand_torque(recording)):
         notes += (f"the intervals allow for an error of {scale:.2g} of the scale of {torque}",)
-    found = {}
+    found = Metrics()
     for name, values in repeats.items():
         widening = [(doubt, max(change[name] for change in of)) for doubt, of in changes]
         found[name] = _value(definition(name), values, widening, filter_change[name])._replace(notes=notes)
