@@ -28,7 +28,7 @@ from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE, YAW
 from steer_env.recording.recording import DEGREE
 from steer_env.recording.zero_phase import low_pass
 from steer_env.vehicle import chassis as chassis_models
-from steer_env.vehicle.steering import stability
+from steer_env.vehicle.steering import linear, stability
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 Array = NDArray[np.float64]
@@ -108,7 +108,7 @@ SHOWN = {
     ),
 }  # fmt: skip
 # Whose constants the scripts of the metrics take.
-MODULES = (loops, decay, events, free_control, free_hands, step_steer, parking, catch_up, stability)
+MODULES = (loops, decay, events, free_control, free_hands, step_steer, parking, catch_up, linear, stability)
 
 
 def declared(chassis: tuple[str, ...]) -> dict[str, Any]:

@@ -21,12 +21,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from steer_env.assists.common.definition import Array, Baseline, register
-from steer_env.assists.common.linear import Response, response, sampled, slopes
+from steer_env.assists.common.linear import Response, sampled, slopes
 from steer_env.friction.numerics.check import number, positive
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle.cars import Car
+from steer_env.vehicle.steering import linear
 from steer_env.vehicle.steering.assist import lead_lag as filter_law
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
+from steer_env.vehicle.steering.linear import response
 
 if TYPE_CHECKING:
     import control
@@ -44,9 +46,10 @@ def _torques(p, gains, seen, x, out):
 
 def compensator(gain: float, p: filter_law.LeadLag, dt: float) -> "control.StateSpace":
     """H with a gain at 0 Hz, at a control step ``dt`` [s]."""
-    from steer_env.vehicle.steering.margins import filter_model
+    import control
 
-    return gain * filter_model(p.lead, dt) * filter_model(p.lag, dt)
+    lead, lag = (control.ss(-f.a1, f.b1 - f.a1 * f.b0, 1.0, f.b0, dt) for f in (p.lead, p.lag))
+    return gain * lead * lag
 
 
 class Loops(NamedTuple):
@@ -59,17 +62,15 @@ class Loops(NamedTuple):
 
 def loops(car: Car, H: "control.StateSpace", slope: float, speed: float) -> Loops:
     """The loops that contain a compensator, at a slope of the boost curve [1] and a speed [m/s]."""
-    from steer_env.vehicle.steering.margins import hands_fixed_loop, hands_fixed_plant
-
     dt = float(H.dt)
     n = round(dt / SAMPLE_TIME)
     fast, slow = (np.exp(1j * np.geomspace(1.0, 0.999 * math.pi / step, POINTS) * step) for step in (SAMPLE_TIME, dt))
     hold = np.mean([fast**-k for k in range(n)], axis=0)
-    plant = response(hands_fixed_plant(car.column, car.assist, speed)[0, 0], fast)
+    plant = response(linear.plant(car.column, car.assist, speed), fast)
     return Loops(
-        response(hands_fixed_loop(car.column, car.assist, slope, speed), fast),
+        -response(linear.answer(car.assist, slope), fast) * plant,
         -response(H, fast**n) * hold * plant,
-        -response(H, slow) * response(sampled(car, slope, speed, dt)[0, 0], slow),
+        -response(H, slow) * response(sampled(car, slope, speed, dt), slow),
     )
 
 

@@ -30,6 +30,7 @@ from steer_env.assists.common.linear import Linear, LinearBaseline, sampled
 from steer_env.assists.common.reference_feel import Feel
 from steer_env.episode.randomise import SENSOR_NOISE
 from steer_env.friction.numerics.check import not_negative, number, positive
+from steer_env.vehicle.steering.margins import boost_gain
 
 
 class LQG(LinearBaseline):
@@ -93,8 +94,6 @@ class LQG(LinearBaseline):
     def design(self, speed: float) -> Linear:
         """Filter and regulator for a speed [m/s]."""
         import control
-
-        from steer_env.vehicle.steering.margins import boost_gain
 
         car = self.batch.car
         plant = sampled(car, boost_gain(car.assist, self.linearised_at, speed), speed, self.control_dt)

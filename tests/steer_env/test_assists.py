@@ -10,13 +10,15 @@ import pytest
 
 from steer_env import assists, friction
 from steer_env.assists import lead_lag
-from steer_env.assists.common.linear import response, sampled, slopes
+from steer_env.assists.common.linear import sampled, slopes
 from steer_env.assists.common.reference_feel import Feel
 from steer_env.registration import id_of
 from steer_env.tasks.assist_parking import WANTED
 from steer_env.tasks.assist_release import RELEASE_TIME
 from steer_env.tasks.common.reference_feel import reference_torque
 from steer_env.vehicle import cars
+from steer_env.vehicle.steering.linear import response
+from steer_env.vehicle.steering.margins import hands_fixed_loop
 from tests.by_law import EACH_LAW, FEW, OTHERS, in_turn, pairs
 
 CAR = cars.load()
@@ -321,8 +323,6 @@ def test_margins_of_the_lead_lag(speed, control_dt):
 
 def test_margins_as_the_library_has_them():
     import control
-
-    from steer_env.vehicle.steering.margins import hands_fixed_loop
 
     env = environment("Weave")
     loop = hands_fixed_loop(env.batch.car.column, env.batch.car.assist, 2.8, 28.0)

@@ -212,9 +212,9 @@ ERRORS = (
     ),
     Planted(
         "the command changes at the wrong instant of the sample",
-        "vehicle/steering/margins.py",
-        "rest, first = _discrete(c, a.bandwidth, SAMPLE_TIME - a.offset), _discrete(c, a.bandwidth, a.offset)",
-        "first, rest = _discrete(c, a.bandwidth, SAMPLE_TIME - a.offset), _discrete(c, a.bandwidth, a.offset)",
+        "vehicle/steering/linear.py",
+        "for time, acting in ((a.offset, queue[-1]), (SAMPLE_TIME - a.offset, commands[a.delay])):",
+        "for time, acting in ((SAMPLE_TIME - a.offset, queue[-1]), (a.offset, commands[a.delay])):",
         "tests/vehicle/test_eps.py tests/vehicle",
     ),
     Planted(

@@ -13,7 +13,7 @@ from steer_env.manoeuvres import drive
 from steer_env.vehicle import cars, plant
 from steer_env.vehicle.analysis import understeer
 from steer_env.vehicle.layout import layout_of, size_of, states
-from steer_env.vehicle.steering import column, eps, stability
+from steer_env.vehicle.steering import column, eps, linear
 from steer_env.vehicle.steering.assist import active_return, functions
 from steer_env.vehicle.steering.assist.functions import Functions, NoFunctions, Signals
 from steer_env.vehicle.steering.margins import (
@@ -223,7 +223,7 @@ def test_stability_has_the_loop_of_the_kernels_with_free_hands(delay):
     c, a = column.make(C1=0.02), compact(**{**EVERY, "friction_share": 0.0}, limit=1e6, delay=delay).assist
     state = np.zeros(4 + eps.STATE_SIZE + len(functions.states(a.functions)))
     found = eigenvalues(lambda s: stepped(c, a, s), state)
-    expected = np.linalg.eigvals(stability.closed_loop(c, a, V, boost_gain(a, 0.25, V), True))
+    expected = linear.poles(linear.plant(c, a, V, free=True), a, np.array([boost_gain(a, 0.25, V)]))[0]
     slow = [pole for pole in expected if abs(pole) > 0.2]
     assert len(slow) >= 8
     for pole in slow:

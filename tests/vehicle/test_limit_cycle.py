@@ -9,7 +9,8 @@ from steer_env.vehicle import cars
 from steer_env.vehicle.analysis import limit_cycle
 from steer_env.vehicle.analysis.operating_point import cornering, held, steady
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
-from steer_env.vehicle.steering.margins import answer, boost_gain
+from steer_env.vehicle.steering.linear import answer
+from steer_env.vehicle.steering.margins import boost_gain
 
 CAR = cars.load("compact")
 SPEED = 25.0  # [m/s]
@@ -68,7 +69,7 @@ def test_first_harmonic_of_the_command():
     z = np.exp(2j * math.pi * f * SAMPLE_TIME)
     slope, D = boost_gain(a, 0.0, SPEED), np.interp(SPEED, a.speeds, a.damping)
     T, w = 0.01 * np.exp(0.3j), 0.02j
-    expected = answer(a, slope, 0.0)(z) * T - D * w
+    expected = answer(a, slope).state_space()(z) * T - D * w
     assert abs(balance.command(z, T, w) / expected - 1.0) < 1e-3
     weak = limit_cycle._Balance(steady(cornering(CAR._replace(assist=a._replace(limit=1e-3)), SPEED)), "coulomb")
     assert abs(weak.command(z, 5.0, 0.0)) == pytest.approx(4e-3 / math.pi, rel=1e-3)

@@ -11,7 +11,7 @@ from steer_env import friction, manoeuvres
 from steer_env.vehicle import cars, plant
 from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST, INPUTS
 from steer_env.vehicle.plant import CHANNEL
-from steer_env.vehicle.steering import margins
+from steer_env.vehicle.steering import linear, margins
 from steer_env.vehicle.steering.eps import SAMPLE_TIME, boost_curve
 
 CAR = cars.load("compact_rack_eps")
@@ -47,7 +47,7 @@ def at_the_rack(car, speed):
 def test_transfer_functions_are_those_of_the_rack():
     """Bar torque and column speed by request and rack force, and the loop, within 1e-6 up to 490 Hz."""
     z = np.exp(2j * math.pi * margins.FREQUENCIES * SAMPLE_TIME)
-    ours = margins.hands_fixed_plant(CAR.column, CAR.assist, SPEED)(z)[:, [0, 2]]
+    ours = linear.plant(CAR.column, CAR.assist, SPEED).state_space()(z)[:, [0, 2]]
     rack = at_the_rack(CAR, SPEED)(z)
     rack[:, 0] /= R * N  # a torque of 1 N m at the column is that of the motor through belt, screw and pinion
     rack[:, 1] /= R

@@ -24,12 +24,14 @@ from steer_env.vehicle import plant
 from steer_env.vehicle.analysis import linearised
 from steer_env.vehicle.analysis.linearised import Point
 from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST, RACK_DISTURBANCE
-from steer_env.vehicle.layout import layout_of
+from steer_env.vehicle.layout import layout_of, states
+from steer_env.vehicle.plant import CHASSIS_STEP
 from steer_env.vehicle.steering import eps
 from steer_env.vehicle.steering.assist.functions import Functions
 from steer_env.vehicle.steering.column import COLUMN_ANGLE, COLUMN_SPEED, HANDWHEEL_ANGLE
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
-from steer_env.vehicle.steering.margins import FREQUENCIES, Margins, answer, boost_gain, read
+from steer_env.vehicle.steering.linear import answer
+from steer_env.vehicle.steering.margins import FREQUENCIES, Margins, boost_gain, read
 from steer_env.vehicle.steering.margins import transmitted as of_assist
 
 Array = NDArray[np.float64]
@@ -40,23 +42,27 @@ Array = NDArray[np.float64]
 STABLE = 1e-6
 
 
+INPUTS = ("request", "rack_disturbance")
+OUTPUTS = ("torsion_bar_torque", "column_angle", "column_speed")
+
+
 class Loop(NamedTuple):
     """The open loop of a point: its plant without boost over two samples, and what answers the torque."""
 
-    samples: tuple[tuple[Array, Array], tuple[Array, Array]]  # A (n, n) and B (n, 2) of both, of request and rack force
-    outputs: Array  # (3, n): torque of the torsion bar, column angle and speed
+    plant: control.StateSpace  # at 2 ms: INPUTS of both samples to OUTPUTS at the beginning of both
     answer: control.StateSpace  # K, from the torque to the request
 
     def plant_response(self, frequency: Array) -> NDArray[np.complex128]:
         """Torque, column angle and speed over request and rack disturbance (F, 3, 2) at frequencies (F,) [Hz]."""
-        (A0, B0), (A1, B1) = self.samples
-        T, Q = schur(A1 @ A0, output="complex")  # a triangle, solved from its last row for all frequencies at once
+        P = self.plant
+        T, Q = schur(P.A, output="complex")  # a triangle, solved from its last row for all frequencies at once
         z = np.exp(2j * math.pi * SAMPLE_TIME * np.asarray(frequency))[:, None, None]
-        x0 = Q.conj().T @ (A1 @ B0 + B1 * z)  # (F, n, 2)
+        u = np.concatenate([np.broadcast_to(np.eye(2), (len(z), 2, 2)), z * np.eye(2)], axis=1)
+        x0 = Q.conj().T @ (P.B @ u)  # (F, n, 2)
         for i in reversed(range(len(T))):
             x0[:, i] = (x0[:, i] + T[i, i + 1 :] @ x0[:, i + 1 :]) / (z[:, 0] ** 2 - T[i, i])  # (E17)
-        x0 = Q @ x0
-        return 0.5 * (self.outputs @ x0 + self.outputs @ (A0 @ x0 + B0) / z)  # type: ignore[no-any-return]  # (E17)
+        first, second = np.split(P.C @ (Q @ x0) + P.D @ u, 2, axis=1)
+        return 0.5 * (first + second / z)  # type: ignore[no-any-return]  # (E17)
 
     def response(self, frequency: Array) -> NDArray[np.complex128]:
         """The open loop L (F,) at frequencies (F,) [Hz]; negative feedback closes it."""
@@ -105,10 +111,17 @@ def open_loop(point: Point) -> Loop:
     (A0, B0, _), (A1, B1, _) = found
     # Each sample reads what the other one writes.
     read = linearised.read_states(np.abs(A0) + np.abs(A1), outputs)
-    kept = np.ix_(read, read)
     speed = point.channel("longitudinal_speed") if "longitudinal_speed" in dict(plant.channels(p)) else point.speed
-    K = answer(point.plant.assist, boost_gain(point.plant.assist, point.torque, speed), 0.0)
-    return Loop(((A0[kept], B0[read]), (A1[kept], B1[read])), outputs[:, read], K)
+    K = answer(point.plant.assist, boost_gain(point.plant.assist, point.torque, speed)).state_space()
+    A0, A1, B0, B1, C = A0[np.ix_(read, read)], A1[np.ix_(read, read)], B0[read], B1[read], outputs[:, read]
+    two_samples = control.ss(
+        A1 @ A0, np.hstack([A1 @ B0, B1]), np.vstack([C, C @ A0]),
+        np.block([[np.zeros((3, 4))], [C @ B0, np.zeros((3, 2))]]), CHASSIS_STEP,
+        states=[states(p)[i][0] for i in index[read]],
+        inputs=[*INPUTS, *(f"{name}_of_second" for name in INPUTS)],
+        outputs=[*OUTPUTS, *(f"{name}_of_second" for name in OUTPUTS)],
+    )  # fmt: skip
+    return Loop(two_samples, K)
 
 
 def grows(point: Point) -> bool:

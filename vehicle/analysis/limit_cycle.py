@@ -34,7 +34,7 @@ from steer_env.vehicle.analysis import assist_loop
 from steer_env.vehicle.analysis.linearised import Point
 from steer_env.vehicle.analysis.operating_point import held
 from steer_env.vehicle.steering.eps import SAMPLE_TIME, boost_curve
-from steer_env.vehicle.steering.margins import answer
+from steer_env.vehicle.steering.linear import answer
 
 Array = NDArray[np.float64]
 
@@ -92,7 +92,7 @@ class _Balance:
         self.point, self.loop = point, assist_loop.open_loop(point._replace(plant=undamped))
         self.damping = boost_curve(a, 0.0, point.speed)[1]
         self.boost = np.array([boost_curve(a, float(t), point.speed)[0] for t in a.torques])
-        self.filter = answer(point.plant.assist, 1.0, 0.0)
+        self.filter = answer(point.plant.assist, 1.0).state_space()
         below = sites.below(friction.resolve(law))
         values = np.array([[describing_function(below, A, f).value for f in _RATES] for A in AMPLITUDES])
         over = np.log(AMPLITUDES), np.log(_RATES)

@@ -23,21 +23,22 @@ Source of (E18): Seiler, Packard, Gahinet, An introduction to disk margins, IEEE
 """
 
 import math
-from collections.abc import Iterable, Sequence
-from functools import lru_cache
+from collections.abc import Sequence
 from itertools import islice, pairwise
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-import control
 import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.friction.numerics.frozen import frozen
+from steer_env.vehicle.steering import linear
 from steer_env.vehicle.steering.assist import active_return
-from steer_env.vehicle.steering.assist.first_order import FirstOrder
 from steer_env.vehicle.steering.assist.functions import Functions, gain_at
 from steer_env.vehicle.steering.column import Column
 from steer_env.vehicle.steering.eps import SAMPLE_TIME, Assist, boost_curve
+
+if TYPE_CHECKING:
+    import control
 
 Array = NDArray[np.float64]
 
@@ -88,88 +89,7 @@ def boost_gain(a: Assist, torque: float, speed: float) -> float:
     return (boost_curve(a, torque + step, speed)[0] - boost_curve(a, torque - step, speed)[0]) / (2.0 * step)
 
 
-@lru_cache
-def _discrete(c: Column, bandwidth: float, time: float) -> control.StateSpace:
-    """Column and motor, hands fixed, at inputs that are constant for a time [s]; cached, as many assists share them."""
-    A = [[0.0, -1.0, 0.0], [c.K_tb / c.I2, -(c.C2 + c.C_tb) / c.I2, 1.0 / c.I2], [0.0, 0.0, -bandwidth]]
-    B = [[0.0, 1.0, 0.0], [0.0, c.C_tb / c.I2, 1.0 / c.I2], [bandwidth, 0.0, 0.0]]
-    C = np.array([[c.K_tb, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    if time == 0.0:
-        return control.ss(np.eye(3), np.zeros((3, 3)), C, 0.0)
-    return control.c2d(control.ss(A, B, C, 0.0), time, "zoh")
-
-
-def hands_fixed_plant(c: Column, a: Assist, speed: float) -> control.StateSpace:
-    """From the assist request to the sensor, under a prescribed handwheel motion: motor damping closed, boost open.
-
-    Parameters
-    ----------
-    c, a : parameters of column and assist
-    speed : float
-        Vehicle speed, for the motor damping [m/s].
-
-    Returns
-    -------
-    control.StateSpace
-        Discrete at 1 ms. Inputs, held over a sample: request [N m], handwheel speed [rad/s], torque on the column from
-        rack and friction [N m]. Outputs: torsion-bar torque [N m], column speed [rad/s]. States: twist of the torsion
-        bar [rad], column speed, motor torque, then the commands of the last delay + 1 samples, the newest first.
-    """
-    damping = boost_curve(a, 0.0, speed)[1]
-    # The command changes within the sample: the old one acts for the offset, the new one for the rest.
-    rest, first = _discrete(c, a.bandwidth, SAMPLE_TIME - a.offset), _discrete(c, a.bandwidth, a.offset)
-    n = a.delay + 1
-    phi, gamma = np.zeros((3 + n, 3 + n)), np.zeros((3 + n, 3))
-    phi[:3, :3] = rest.A @ first.A
-    phi[:3, 2 + n] = rest.A @ first.B[:, 0]
-    phi[4:, 3:-1] = np.eye(n - 1)
-    gamma[:3, 1:] = rest.A @ first.B[:, 1:] + rest.B[:, 1:]
-    gamma[3, 0] = 1.0
-    if a.delay:
-        phi[:3, 1 + n] += rest.B[:, 0]
-    else:
-        gamma[:3, 0] = rest.B[:, 0]
-    phi[:, 1] -= damping * gamma[:, 0]
-    C = np.hstack([rest.C, np.zeros((2, n))])
-    if isinstance(a.functions, Functions):
-        gamma[:, 1] -= gain_at(a.functions, a.functions.damping.gain, speed) * gamma[:, 0]
-        phi, gamma, C = _accelerated(phi, gamma, C, a.functions, speed)
-    return control.ss(phi, gamma, C, 0.0, SAMPLE_TIME)
-
-
-def _accelerated(phi: Array, gamma: Array, C: Array, f: Functions, speed: float) -> tuple[Array, Array, Array]:
-    """The plant with the inertia compensation closed (E14); the state of its filter is the last one."""
-    J, d, request = gain_at(f, f.inertia_compensation.gain, speed), f.inertia_compensation.derivative, gamma[:, :1]
-    phi = np.block([[phi, J * request], [np.zeros((1, len(phi))), np.array([[-d.a1]])]])
-    phi[:-1, 1] += J * d.b0 * request[:, 0]
-    phi[-1, 1] = d.b1 - d.a1 * d.b0
-    return phi, np.vstack([gamma, np.zeros((1, 3))]), np.hstack([C, np.zeros((2, 1))])
-
-
-def filter_model(f: FirstOrder, dt: float = SAMPLE_TIME) -> control.StateSpace:
-    """A first-order filter at samples of ``dt`` [s]."""
-    return control.ss(-f.a1, f.b1 - f.a1 * f.b0, 1.0, f.b0, dt)
-
-
-def answer(a: Assist, gain: float, slope: float) -> control.StateSpace:
-    """From the torsion bar's torque to the request, at a slope of the boost curve and one that needs no lead [1]."""
-    boosted = gain * filter_model(FirstOrder(a.lead_b0, a.lead_b1, a.lead_a1))
-    if not isinstance(a.functions, Functions):
-        return boosted
-    h = a.functions.lead_lag
-    return boosted + h.gain * filter_model(h.lead) * filter_model(h.lag) + slope
-
-
-def assisted_plant(c: Column, a: Assist, gain: float, speed: float) -> control.StateSpace:
-    """:func:`hands_fixed_plant` with boost and lead-lag closed, at a local gain of the boost curve [1]."""
-    plant, K = hands_fixed_plant(c, a, speed), answer(a, gain, 0.0)
-    T, request, n = plant.C[:1], plant.B[:, :1], K.nstates
-    phi = np.block([[plant.A + request @ K.D @ T, request @ K.C], [K.B @ T, K.A]])
-    gamma = np.vstack([plant.B, np.zeros((n, 3))])
-    return control.ss(phi, gamma, np.hstack([plant.C, np.zeros((2, n))]), 0.0, SAMPLE_TIME)
-
-
-def hands_fixed_loop(c: Column, a: Assist, gain: float, speed: float, slope: float = 0.0) -> control.StateSpace:
+def hands_fixed_loop(c: Column, a: Assist, gain: float, speed: float, slope: float = 0.0) -> "control.StateSpace":
     """Open loop at the torsion-bar torque, handwheel held, friction sliding at constant torque.
 
     Parameters
@@ -187,7 +107,8 @@ def hands_fixed_loop(c: Column, a: Assist, gain: float, speed: float, slope: flo
     control.StateSpace
         Discrete at 1 ms; negative feedback around it is the assist loop.
     """
-    return -answer(a, gain, slope) * hands_fixed_plant(c, a, speed)[0, 0]  # (E6)
+    plant = linear.plant(c, a, speed).state_space()
+    return -linear.answer(a, gain, slope).state_space() * plant["torsion_bar_torque", "request"]  # (E6)
 
 
 def slopes_of_functions(c: Column, a: Assist, low: float, high: float, speed: float) -> tuple[float, ...]:
@@ -231,29 +152,18 @@ def read(frequency: Array, L: NDArray[np.complex128], stable: bool = True) -> Ma
     return Margins(float(gain), float(phase), float(delay), float(disk), crossover, stable)
 
 
-def _response(system: control.StateSpace, z: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Output over input at points z (F,), of a system with one of each."""
-    inputs = np.broadcast_to(system.B, (z.size, *system.B.shape))
-    states = np.linalg.solve(z[:, None, None] * np.eye(system.nstates) - system.A, inputs)
-    return (system.C @ states + system.D)[:, 0, 0]  # type: ignore[no-any-return]
-
-
-def of_slopes(c: Column, a: Assist, slopes: Iterable[tuple[float, float]], speed: float) -> list[Margins]:
+def of_slopes(c: Column, a: Assist, slopes: Sequence[tuple[float, float]], speed: float) -> list[Margins]:
     """Margins of :func:`hands_fixed_loop` at each pair of slopes, of boost and functions [1], at a speed [m/s].
 
     The plant is read once for all, and the answer to the torque, which is linear in the slope of the boost, at 0 and 1.
     """
-    plant, none, one = hands_fixed_plant(c, a, speed)[0, 0], answer(a, 0.0, 0.0), answer(a, 1.0, 0.0)
-    z = np.exp(2j * math.pi * FREQUENCIES * SAMPLE_TIME)
-    P, others, lead = (_response(system, z) for system in (plant, none, one - none))
-    loops, closed = [], []
-    for boost, more in slopes:
-        B, D = none.B + boost * (one.B - none.B), none.D + boost * (one.D - none.D) + more
-        closed.append(np.block([[plant.A + plant.B @ D @ plant.C, plant.B @ one.C], [B @ plant.C, one.A]]))
-        loops.append(-(others + boost * lead + more) * P)  # (E6)
-    if not closed:
+    if not slopes:
         return []
-    stable = np.abs(np.linalg.eigvals(closed)).max(axis=1) < 1.0  # in one call: less than half the time
+    plant, z = linear.plant(c, a, speed), np.exp(2j * math.pi * FREQUENCIES * SAMPLE_TIME)
+    P, none, one = (linear.response(each, z) for each in (plant, linear.answer(a, 0.0), linear.answer(a, 1.0)))
+    boosts, others = np.transpose(slopes)
+    stable = np.abs(linear.poles(plant, a, boosts, others)).max(axis=1) < 1.0
+    loops = [-(none + boost * (one - none) + other) * P for boost, other in slopes]  # (E6)
     return [read(FREQUENCIES, L, bool(holds)) for L, holds in zip(loops, stable)]
 
 

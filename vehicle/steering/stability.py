@@ -1,99 +1,32 @@
 """Whether the assist loop is stable, and which part of the assist makes it unstable.
 
-The closed loop of column, motor and sampled controller, linear, at every slope that the boost curve has at a speed,
-with the handwheel fixed or free, friction sliding at constant torque. With a fixed handwheel it is the loop of
-:mod:`steer_env.vehicle.steering.margins`, here without frequency responses, so that a drive can ask for it. Two states
-that those margins have are left out, as no run stays in them: the steepest fade of the active return, through which a
-driver only passes, and the sticking of the friction compensation's observer, during which the friction that it
-compensates holds the column.
+The closed loop of :mod:`steer_env.vehicle.steering.linear` at every slope that the boost curve has at a speed, with the
+handwheel fixed or free. With a fixed handwheel it is the loop of :mod:`steer_env.vehicle.steering.margins`, here
+without frequency responses, so that a drive can ask for it. Two states that those margins have are left out, as no run
+stays in them: the steepest fade of the active return, through which a driver only passes, and the sticking of the
+friction compensation's observer, during which the friction that it compensates holds the column.
 """
 
 import math
 from collections.abc import Callable
-from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from steer_env.vehicle.steering.assist import active_return
-from steer_env.vehicle.steering.assist.first_order import FirstOrder
+from steer_env.vehicle.steering import linear
 from steer_env.vehicle.steering.assist.functions import Functions, NoFunctions, gain_at
 from steer_env.vehicle.steering.column import Column
 from steer_env.vehicle.steering.eps import SAMPLE_TIME, Assist, boost_curve
 
-Array = NDArray[np.float64]
-
 SLOWEST = 3.0  # slower oscillations depend on tyres and friction, which are not in the model; assumed [Hz]
 USUAL_LIMIT = 1.6  # factor on the functions that a loop usually bears, 4 dB; assumed [1]
 ROUNDING = 1e-6  # growth of an oscillation in a sample that counts as none [1]
-TWIST, COLUMN_SPEED, MOTOR, HANDWHEEL_SPEED, ANGLE = range(5)  # states of column and motor; the last two if free
-
-
-@lru_cache
-def _discrete(c: Column, bandwidth: float, time: float, free: bool) -> tuple[Array, Array]:
-    """Column and motor over a time [s] at a constant command: matrix of the states and column of the command."""
-    from scipy.linalg import expm  # here, because its import takes a quarter of the start of an environment
-
-    A, below, above = np.zeros((6, 6)), c.I2, c.I1 + c.I_arm
-    A[TWIST, [COLUMN_SPEED, HANDWHEEL_SPEED]] = -1.0, 1.0
-    A[COLUMN_SPEED, :4] = np.array([c.K_tb, -c.C_tb - c.C2, 1.0, c.C_tb]) / below
-    A[MOTOR, [MOTOR, 5]] = -bandwidth, bandwidth
-    A[HANDWHEEL_SPEED, :5] = np.array([-c.K_tb, c.C_tb, 0.0, -c.C_tb - c.C1 - c.C_arm, -c.K_arm]) / above
-    A[ANGLE, HANDWHEEL_SPEED] = 1.0
-    kept = [*range(5 if free else 3), 5]
-    found = expm(time * A[np.ix_(kept, kept)])
-    return found[:-1, :-1], found[:-1, -1]
-
-
-def _filtered(f: FirstOrder, x: Array, u: Array) -> tuple[Array, Array]:
-    """Output of a filter and its next state, each over the states of the loop (N,)."""
-    y = f.b0 * u + x
-    return y, f.b1 * u - f.a1 * y
-
-
-def closed_loop(c: Column, a: Assist, speed: float, slope: float, free: bool) -> Array:
-    """The matrix (N, N) that takes the states of the loop one sample further.
-
-    Parameters
-    ----------
-    c, a : parameters of column and assist
-    speed : float
-        Vehicle speed [m/s].
-    slope : float
-        Of the boost curve [1].
-    free : bool
-        Whether the handwheel is free; otherwise its motion is prescribed. A free handwheel meets the active return at
-        its steepest, near straight ahead.
-    """
-    n = 5 if free else 3
-    Z = np.eye(n + a.delay + 5)  # column and motor, then the commands, newest first, then four filters
-    state, queue, x = Z[:n], Z[n : n + a.delay + 1], Z[n + a.delay + 1 :]
-    twist, turning = c.K_tb * state[TWIST], state[COLUMN_SPEED]
-    boosted, lead = _filtered(FirstOrder(a.lead_b0, a.lead_b1, a.lead_a1), x[0], slope * twist)
-    command, filters = boosted - boost_curve(a, 0.0, speed)[1] * turning, [lead, *x[1:]]
-    f = a.functions
-    if isinstance(f, Functions):
-        lagging, filters[1] = _filtered(f.lead_lag.lag, x[1], twist)
-        shifted, filters[2] = _filtered(f.lead_lag.lead, x[2], lagging)
-        accelerated, filters[3] = _filtered(f.inertia_compensation.derivative, x[3], turning)
-        command = command + f.lead_lag.gain * shifted + gain_at(f, f.inertia_compensation.gain, speed) * accelerated
-        if free:
-            stiffness = gain_at(f, f.active_return.gain, speed) * active_return.share(f.active_return, speed)
-            damping = gain_at(f, f.damping.gain, speed) + stiffness * f.active_return.lead
-            command = command - damping * state[HANDWHEEL_SPEED] - stiffness * state[ANGLE]
-    commands = np.vstack([command, queue])
-    for time, acting in ((a.offset, queue[-1]), (SAMPLE_TIME - a.offset, commands[a.delay])):
-        phi, gamma = _discrete(c, a.bandwidth, time, free)
-        state = phi @ state + np.outer(gamma, acting)
-    return np.vstack([state, commands[:-1], filters])
 
 
 def growth(c: Column, a: Assist, speed: float, free: bool) -> float:
     """Largest growth of an oscillation above 3 Hz in a sample, over every slope; above 1 the loop is unstable [1]."""
     boost = [boost_curve(a, torque, speed)[0] for torque in a.torques]
     slopes = np.unique(np.diff(boost) / np.diff(a.torques))
-    none, one = (closed_loop(c, a, speed, slope, free) for slope in (0.0, 1.0))  # it is linear in the slope
-    poles = np.linalg.eigvals(none + slopes[:, None, None] * (one - none)).ravel()
+    poles = linear.poles(linear.plant(c, a, speed, free=free), a, slopes).ravel()
     fast = np.abs(np.angle(poles)) > 2.0 * math.pi * SLOWEST * SAMPLE_TIME
     return float(np.abs(poles[fast]).max(initial=0.0))
 

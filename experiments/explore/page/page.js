@@ -37,7 +37,7 @@ async function steerDeclared(declared) {
     "const metrics = steerMetrics(drives.filters, rate);",
     `const readers = { ${readers.map(([name, reader]) => `${name}: ${reader.name}(metrics, constants)`)} };`,
     "steerWorker(self, declared, steerSimulation(rate, drives.regrip), metrics, readers,",
-    "  steerStability(constants.stability, drives.functions));",
+    "  steerStability({ ...constants.linear, ...constants.stability }, drives.functions));",
   ].join("\n");
   const worker = new Worker(URL.createObjectURL(new Blob([`"use strict";\n${text}`], { type: "text/javascript" })));
 

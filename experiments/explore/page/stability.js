@@ -1,15 +1,15 @@
-/* Whether the assist loop is stable with the handwheel held or free: a port of steer_env.vehicle.steering.stability, by
-   which Python refuses a drive with a loop that is not. */
+/* Whether the assist loop is stable with the handwheel held or free: a port of steer_env.vehicle.steering.linear and stability,
+   by which Python refuses a drive with a loop that is not. */
 
 "use strict";
 
 /** @typedef {Record<string, [number, number]>} Places of packed numbers, by name */
 
-/** @param {Record<string, number>} constants of the Python module
+/** @param {Record<string, number>} constants of both Python modules
     @param {Record<string, [string, string, string]>} functions of the assist that may be too strong: key of their
     strength, its unit, and what else helps */
 function steerStability(constants, functions) {
-  const { SAMPLE_TIME: SAMPLE, ROUNDING, SLOWEST, TWIST, COLUMN_SPEED, HANDWHEEL_SPEED, ANGLE } = constants;
+  const { SAMPLE_TIME: SAMPLE, ROUNDING, SLOWEST, TWIST, COLUMN_SPEED, HANDWHEEL_SPEED, HANDWHEEL_ANGLE } = constants;
   const HALVINGS = 20;
 
   /** @typedef {number[][]} Matrix */
@@ -210,7 +210,7 @@ function steerStability(constants, functions) {
     if (free) {
       const stiffness = (between(p.gains.active_return, at) * speed) / (speed + p.halfSpeed);
       const damping = between(p.gains.damping, at) + stiffness * p.returnLead;
-      command = sum([1, command], [-damping, Z[HANDWHEEL_SPEED]], [-stiffness, Z[ANGLE]]);
+      command = sum([1, command], [-damping, Z[HANDWHEEL_SPEED]], [-stiffness, Z[HANDWHEEL_ANGLE]]);
     }
     const commands = [command, ...queue];
     let state = Z.slice(0, n);

@@ -3,8 +3,7 @@
     u = C x + D y, limited to its authority, times its share;    x <- A x + B y + E u
 
 y are observations, u is the requested torque. The design model is the assist loop of
-:mod:`steer_env.vehicle.steering.margins` with prescribed handwheel motion, the boost curve replaced by its slope,
-sampled at ``control_dt``.
+:mod:`steer_env.vehicle.steering.linear` with prescribed handwheel motion, sampled at ``control_dt``.
 """
 
 from collections.abc import Callable
@@ -16,7 +15,9 @@ from numpy.typing import NDArray
 from steer_env.assists.common.definition import Array, Baseline
 from steer_env.friction.numerics.kernel import bind, kernel
 from steer_env.vehicle.cars import Car
+from steer_env.vehicle.steering import linear
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
+from steer_env.vehicle.steering.margins import boost_gain
 
 if TYPE_CHECKING:
     import control
@@ -105,8 +106,6 @@ class LinearBaseline(Baseline):
 
 def slopes(car: Car, speed: float) -> list[float]:
     """Slopes of the boost curve [1] at a speed [m/s], one for each interval of the table's torques."""
-    from steer_env.vehicle.steering.margins import boost_gain
-
     edges = car.assist.torques
     return sorted({round(boost_gain(car.assist, torque, speed), 6) for torque in 0.5 * (edges[1:] + edges[:-1])})
 
@@ -114,22 +113,14 @@ def slopes(car: Car, speed: float) -> list[float]:
 def sampled(car: Car, gain: float, speed: float, dt: float) -> "control.StateSpace":
     """The assisted plant sampled at control steps of ``dt`` [s] with inputs that are constant over a step: exact.
 
-    Inputs and outputs are those of :func:`steer_env.vehicle.steering.margins.assisted_plant` at a slope ``gain`` of the
-    boost curve [1].
+    Inputs and outputs are those of :func:`steer_env.vehicle.steering.linear.plant`, whose boost is closed at a slope
+    ``gain`` [1].
     """
     import control
 
-    from steer_env.vehicle.steering.margins import assisted_plant
-
-    plant = assisted_plant(car.column, car.assist, gain, speed)
+    plant = linear.closed(linear.plant(car.column, car.assist, speed), linear.answer(car.assist, gain))
     A, B = plant.A, np.zeros_like(plant.B)
     whole = np.eye(len(A))
     for _ in range(round(dt / SAMPLE_TIME)):
         B, whole = A @ B + plant.B, A @ whole
-    return control.ss(whole, B, plant.C, 0.0, dt)
-
-
-def response(system: "control.StateSpace", z: Response) -> Response:
-    """Frequency response of a system with one input and one output at points z (P,) of the unit circle."""
-    inverse = np.linalg.solve(z[:, None, None] * np.eye(len(system.A)) - system.A, system.B)
-    return (system.C @ inverse)[:, 0, 0] + system.D[0, 0]
+    return control.ss(whole, B, plant.C, 0.0, dt, inputs=list(plant.inputs), outputs=list(plant.outputs))

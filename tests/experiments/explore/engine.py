@@ -12,7 +12,8 @@ from steer_env.vehicle import cars
 START = """
 const { drives } = declared, { constants } = drives;
 const simulation = steerSimulation(drives.rate, drives.regrip), metrics = steerMetrics(drives.filters, drives.rate);
-const stability = steerStability(constants.stability, drives.functions), readers = Object.fromEntries(
+const stability = steerStability({ ...constants.linear, ...constants.stability }, drives.functions);
+const readers = Object.fromEntries(
   Object.entries(STEER_READERS).map(([name, reader]) => [name, reader(metrics, constants)]));
 const policies = steerPolicies();
 const modules = [wasm, beginning].map((bytes) => new WebAssembly.Module(Uint8Array.from(bytes)));

@@ -151,10 +151,10 @@ def test_packed_numbers_are_those_of_python(law, body):
 
 @pytest.mark.parametrize("free", [False, True])
 def test_an_unstable_assist_loop_is_told_in_the_words_of_python(free):
-    """Over sets of values: which of them are unstable, and why."""
+    """Over 200 cars that are drawn: which of them are unstable, and why."""
     car, rng, told = cars.load("compact"), np.random.default_rng(3), []
     fields = parameters.every(car, "lugre", "single_track")
-    for _ in range(40):
+    for _ in range(200):
         values = {q.name: q.low + rng.random() * (q.high - q.low) for q in fields}
         values["assist.handwheel_damping"] *= 8.0  # which is the cause in some of them with free hands
         p, speed = parameters.plant(car, "lugre", "single_track", values), values["speed_kph"] / 3.6
@@ -162,7 +162,7 @@ def test_an_unstable_assist_loop_is_told_in_the_words_of_python(free):
         reason = "stability.reason(structure.places, Float64Array.from(packed), speed, free)"
         found = engine("lugre", "single_track").value(reason, packed=numbers(p).tolist(), speed=speed, free=free)
         assert found == told[-1]
-    assert 4 <= sum(map(bool, told)) <= 36
+    assert 20 <= sum(map(bool, told)) <= 180
 
 
 def test_a_text_is_the_number_that_it_is_for_python():
