@@ -1,6 +1,9 @@
 """Workers of a Dask cluster: on this machine, or wherever the workers of a scheduler are.
 
 A scheduler and its workers run whatever a client sends them, so the local cluster listens on this machine alone.
+
+The futures are Dask's own: joblib's backend of Dask (joblib 1.6) waits for ever where a case kills its workers, and
+does not tell that a cluster has gone.
 """
 
 import logging

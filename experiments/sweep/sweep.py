@@ -23,6 +23,7 @@ from steer_env.experiments.sweep.work import (
     name_of,
     perform,
 )
+from steer_env.friction.numerics.worker_process import WorkersDiedError, end_processes, run_in_processes
 
 Notify = Callable[[float, str], None]  # gets the part that is done and what was done last
 
@@ -120,9 +121,13 @@ def _performed(tasks: Mapping[int, Task], where: Where) -> Generator[Outcome, No
 
         yield from dask_cluster.outcomes(tasks, where)
     elif where.workers > 1 and len(tasks) > 1:
-        from steer_env.experiments.sweep import processes
-
-        yield from processes.outcomes(tasks, where.workers)
+        try:
+            with closing(run_in_processes(perform, [*tasks.values()], min(where.workers, len(tasks)))) as results:
+                yield from (outcome for _, outcome in results)
+        except WorkersDiedError as error:
+            raise LostError(f"{error} with --workers; {KEPT}") from None
+        finally:
+            end_processes()
     else:
         yield from map(perform, tasks.values())
 

@@ -7,13 +7,10 @@ replaced without a trace in the results.
 """
 
 import copy
-import os
 import pickle
 import uuid
-import warnings
 from collections import OrderedDict
 from collections.abc import Iterable, Sequence
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -27,7 +24,7 @@ from steer_env.env import as_actions, clipped
 from steer_env.episode.randomise import Conditions
 from steer_env.friction.numerics.check import whole
 from steer_env.friction.numerics.thread_pool import most_threads
-from steer_env.friction.numerics.worker_process import ONE_THREAD, end_with, settle
+from steer_env.friction.numerics.worker_process import end_processes, run_in_processes
 from steer_env.tuning import driving
 from steer_env.tuning.context import Known
 from steer_env.tuning.driving import PreparedDrive, Tried
@@ -35,8 +32,6 @@ from steer_env.tuning.env import TuneEnv
 from steer_env.tuning.scenarios.common.definition import SCENARIOS
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.steering.eps import Assist
-
-TRIES = 3  # deaths of workers in a row, with no result between them, after which they are given up
 
 
 class Course(NamedTuple):
@@ -85,19 +80,14 @@ def perform(job: Job, kept: OrderedDict[str, _Kept] = _in_worker) -> Any:
 
 
 class Workers:
-    """``count`` worker processes, which start with the first job; with one, the jobs run in this process.
-
-    The processes belong to the one that started them; a copy, and a child after a fork, starts its own.
-    """
+    """``count`` worker processes, which start with the first job; with one, the jobs run in this process."""
 
     def __init__(self, count: int) -> None:
         self.count = count
         self._kept: OrderedDict[str, _Kept] = OrderedDict()  # of this process
-        self._pool: Any = None
-        self._process = 0
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_kept": OrderedDict(), "_pool": None, "_process": 0}
+        return {**self.__dict__, "_kept": OrderedDict()}
 
     def run(self, jobs: Sequence[Job]) -> list[Any]:
         """Results of :func:`perform` in the order of the jobs; its errors.
@@ -109,45 +99,14 @@ class Workers:
         """
         if self.count == 1:
             return [perform(job, self._kept) for job in jobs]
-        results: list[Any] = []
-        deaths = 0
-        while len(results) < len(jobs):
-            try:
-                for result in self._performed(jobs[len(results) :]):
-                    results.append(result)
-                    deaths = 0
-            except BrokenProcessPool as error:
-                self.close()
-                deaths += 1
-                if deaths == TRIES:
-                    raise RuntimeError(
-                        f"worker processes died {TRIES} times in a row: is there enough memory for {self.count} of "
-                        f"them? Give fewer with workers"
-                    ) from error
-        return results
-
-    def _performed(self, jobs: Iterable[Job]) -> Iterable[Any]:
-        if self._process != os.getpid():
-            from joblib.externals.loky import ProcessPoolExecutor
-
-            self._process = os.getpid()
-            self._pool = ProcessPoolExecutor(self.count, initializer=_start, initargs=(self._process,), env=ONE_THREAD)
-        with warnings.catch_warnings():
-            # A worker whose memory has grown is replaced by a new one, which loses nothing.
-            warnings.filterwarnings("ignore", "A worker stopped while some jobs were given", UserWarning)
-            yield from self._pool.map(perform, jobs)
+        results = dict(run_in_processes(perform, jobs, self.count))
+        return [results[index] for index in range(len(jobs))]
 
     def close(self) -> None:
-        """End the processes."""
-        if self._pool is not None and self._process == os.getpid():
-            self._pool.shutdown(kill_workers=True)
-        self._pool, self._process = None, 0
+        """End the processes; those of another vector environment start again with its next step."""
+        if self.count > 1:
+            end_processes()
         self._kept.clear()
-
-
-def _start(parent: int) -> None:
-    settle()
-    end_with(parent)
 
 
 Array = NDArray[np.float32]

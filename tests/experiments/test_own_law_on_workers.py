@@ -13,7 +13,7 @@ from steer_env.experiments import sweep
 from steer_env.experiments.cli import study
 from steer_env.experiments.cli.main import main, parser
 from steer_env.experiments.pages import own_modules
-from steer_env.experiments.sweep import processes
+from steer_env.experiments.sweep import sweep as sweeping
 from steer_env.friction import law as laws
 from tests.experiments import sweep_cases
 
@@ -149,10 +149,10 @@ def test_workers_import_the_law_before_they_work(command, written, monkeypatch, 
     """In place of each command's first cases; the tasks go to worker processes, and each names the module."""
     written()
 
-    def sent(tasks, workers):
-        raise StoppedError(workers, [task.modules for task in tasks.values()])
+    def sent(function, tasks, workers):
+        raise StoppedError(workers, [task.modules for task in tasks])
 
-    monkeypatch.setattr(sweep.processes, "outcomes", sent)
+    monkeypatch.setattr(sweeping, "run_in_processes", sent)
     monkeypatch.setattr(
         sweep, "run", lambda _, cases, *, notify=None, words=None, store=None, cost=None, **given: asked(**given)
     )
@@ -178,7 +178,7 @@ def test_workers_drive_with_the_law(command, written, monkeypatch):
         raise StoppedError(whole(function, of_law[-2:], **options))
 
     monkeypatch.setattr(sweep, "run", some)
-    monkeypatch.setattr(sweep.processes, "outcomes", counted := Mock(wraps=processes.outcomes))
+    monkeypatch.setattr(sweeping, "run_in_processes", counted := Mock(wraps=sweeping.run_in_processes))
     with pytest.raises(StoppedError) as found:
         run(COMMANDS[command])
     assert (len(found.value.args[0]), counted.call_count) == (2, 1)

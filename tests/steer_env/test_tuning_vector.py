@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode
+from joblib.externals.loky import get_reusable_executor
 
 from steer_env import manoeuvres, metrics
 from steer_env.recording.recording import Recording
@@ -51,19 +52,24 @@ def test_equals_gymnasiums_own_vector_of_single_ones(mode):
     assert [g.bit_generator.state for g in own.np_random] == [g.bit_generator.state for g in sync.np_random]
 
 
+def processes():
+    """Process ids of the workers."""
+    return list(get_reusable_executor(reuse=True)._processes)
+
+
 @pytest.mark.whole
 def test_worker_processes_give_the_same_also_after_one_is_killed():
     one, two = (gym.make_vec(ON_CENTRE, 4, workers=n, sets=2, randomise=DRAWN) for n in (1, 2))
     first, other = run(one, 2), run(two, 2)
     assert equal(first, other)
-    for process in list(two._workers._pool._processes):
+    for process in processes():
         os.kill(process, signal.SIGKILL)
     actions = np.full(two.action_space.shape, 0.1, np.float32)
     for _ in range(2):  # a reset, and a set in the contexts that new workers prepare again
         assert equal(one.step(actions), two.step(actions))
-    pool = two._workers._pool
+    assert len(processes()) == 2
     two.close()
-    assert not pool._processes
+    assert not processes()
 
 
 def test_sub_environments_that_draw_nothing_share_one_context():
