@@ -14,9 +14,10 @@ from optuna.trial import FrozenTrial
 
 from steer_env.experiments.calibration import problem as problems
 from steer_env.experiments.calibration.feasibility import IN_BAND
-from steer_env.experiments.calibration.problem import FARTHEST, Evaluation, Problem, distance
+from steer_env.experiments.calibration.problem import Evaluation, Problem, distance
 from steer_env.experiments.pages.words import label
 from steer_env.targets import Band
+from steer_env.tuning.reward import MAX_DISTANCE
 
 TITLES = {"start": "the starting point", "best": "the best set"}
 
@@ -58,10 +59,10 @@ def replaced(problem: Problem, counted: Sequence[str], trial: FrozenTrial, found
 
 
 def _change(before: float | None, after: float | None, band: Band) -> float:
-    """Change of a metric [widths of its band]; ``FARTHEST`` where only one of both is refused."""
+    """Change of a metric [widths of its band]; ``MAX_DISTANCE`` where only one of both is refused."""
     known = [x is not None and math.isfinite(x) for x in (before, after)]
     if before is None or after is None or not all(known):
-        return FARTHEST if any(known) else 0.0
+        return MAX_DISTANCE if any(known) else 0.0
     return abs(after - before) / (band.good[1] - band.good[0])
 
 

@@ -22,8 +22,8 @@ from steer_env.targets import Band, Targets
 from steer_env.tuning import driving, parameters
 from steer_env.tuning.env import SPEED
 from steer_env.tuning.parameters import FUNCTIONS, KNOWN, PARAMETERS
+from steer_env.tuning.reward import MAX_DISTANCE
 from steer_env.tuning.scenarios.tune_all_round import SCENARIO
-from steer_env.vehicle import cars
 from steer_env.vehicle.cars import Car, UnusualCar
 from steer_env.vehicle.steering import eps, stability
 from steer_env.vehicle.steering.assist import functions
@@ -43,7 +43,6 @@ GROUPS = {
     "parking": "effort",
     "step-steer": "effort",
 }  # test -> objective
-FARTHEST = 3.0  # distance of a refused metric, and the largest that counts, assumed [widths of the band]
 # Beyond what the check of the assist allows, or where the curve is no longer one of a boost; assumed.
 LIMITS_OF = {
     "boost_level": (0.05, 10.0),
@@ -179,10 +178,8 @@ def make(
             f"{a.torques[j]:g} N m to {a.boost[i, j + 1]:.4g} N m at {a.torques[j + 1]:g} N m: a boost must not fall "
             "with the torque; correct this row in the car file"
         )
-    bands = {name: band for test in SCENARIO.tests for name, band in targets.bands.get(test, {}).items()}
+    bands = targets.of_tests(SCENARIO.tests)
     groups = {name: GROUPS[test] for test in SCENARIO.tests for name in targets.bands.get(test, {})}
-    if not bands:
-        raise ValueError(f"targets {targets.name!r} have no band for {', '.join(SCENARIO.tests)}: add one")
     _require_consistent(targets.name, bands)
     resolved = resolve(car.friction if law is None else law)
     return Problem(car, resolved, bands, groups, chassis, speed, ranges_of(car.assist, names), conditions_of(load))
@@ -282,13 +279,8 @@ def assist(problem: Problem, values: Mapping[str, float]) -> Assist:
 def keys(problem: Problem, values: Mapping[str, float]) -> dict[str, Any]:
     """The keys of a car file's section ``assist`` of a parameter set."""
     others = {name: values[name] for name in KEYS if name in values}
-    return {**parameters.keys(problem.car.assist, complete(problem, values)), **others}
-
-
-def complete(problem: Problem, values: Mapping[str, float]) -> dict[str, float]:
-    """Values for every parameter: those given, and the car's own."""
-    a = problem.car.assist
-    return {name: values.get(name, KNOWN[name].value(a, 0.0)) for name in parameters.reported(tuple(values))}
+    own = problem.car.assist
+    return {**parameters.keys(own, parameters.complete(own, values)), **others}
 
 
 def without_effect(assist: Assist) -> set[str]:
@@ -298,8 +290,7 @@ def without_effect(assist: Assist) -> set[str]:
 
 def tuned_car(problem: Problem, values: Mapping[str, float]) -> Car:
     """The car with a parameter set, whose assist is to the bit the one that was evaluated."""
-    data = {**problem.car.data(), "name": f"{problem.car.name}_best"}
-    return cars.load({**data, "assist": keys(problem, values)})
+    return parameters.car_with(problem.car, keys(problem, values), f"{problem.car.name}_best")
 
 
 def tuned_car_quietly(problem: Problem, values: Mapping[str, float]) -> Car:
@@ -339,11 +330,10 @@ def evaluate(problem: Problem, values: Mapping[str, float], every_metric: bool =
 
 
 def distance(value: float | None, band: Band) -> float:
-    """Distance of a value from the good band over its width, at most ``FARTHEST``, also for a refused one [1]."""
+    """Distance of a value from the good band over its width, at most ``MAX_DISTANCE``, also for a refused one [1]."""
     if value is None or not math.isfinite(value):
-        return FARTHEST
-    low, high = band.good
-    return min(max(low - value, value - high, 0.0) / (high - low), FARTHEST)
+        return MAX_DISTANCE
+    return min(band.distance(value), MAX_DISTANCE)
 
 
 def places(problem: Problem, found: Evaluation, counted: Sequence[str]) -> list[list[float | None]]:

@@ -148,9 +148,7 @@ def collect(
     ValueError
         The car as it is cannot be driven through the tests, or too few parameter sets can.
     """
-    bands = {name: band.good for test in study.tests for name, band in targets.bands.get(test, {}).items()}
-    if not bands:
-        raise ValueError(f"targets {targets.name!r} have no band for {', '.join(study.tests)}")
+    bands = {name: band.good for name, band in targets.of_tests(study.tests).items()}
     cases = [Block(study, (tuple(factor.own for factor in study.factors),), "the car as it is")]
     for k, points in enumerate(design.points.tolist(), 1):
         rows = tuple(tuple(map(value, study.factors, point)) for point in points)

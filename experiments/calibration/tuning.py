@@ -23,6 +23,7 @@ from steer_env.experiments.calibration.problem import Evaluation, Problem, Range
 from steer_env.experiments.calibration.search import Found, Job, WorkerOf
 from steer_env.experiments.sweep import Runner
 from steer_env.friction.numerics import cache
+from steer_env.tuning.reward import MAX_DISTANCE
 
 MAPS = 8  # sets at most that are read on the whole map, until one keeps all of it; assumed
 MOVED = 0.15  # part of its band's width by which a metric must move to count as tuned; assumed
@@ -97,7 +98,7 @@ def moved(problem: Problem, sweep: Runner) -> dict[str, float]:
         changes = [abs(x[name] - value) for x in others if x[name] is not None and value is not None]  # type: ignore[operator]
         found[name] = max(changes, default=0.0) / (band.good[1] - band.good[0])
         if value is None and any(x[name] is not None for x in others):
-            found[name] = problems.FARTHEST  # a parameter decides whether the test can be driven at all
+            found[name] = MAX_DISTANCE  # a parameter decides whether the test can be driven at all
     return found
 
 

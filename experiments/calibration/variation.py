@@ -167,8 +167,7 @@ def changed(study: Study, values: Mapping[str, float]) -> tuple[Car, Conditions]
 
 def assist_of(car: Car, values: Mapping[str, float]) -> Assist:
     """The assist of a car with values of its parameters; the others stay its own."""
-    named = parameters.reported(tuple(values))
-    return parameters.tuned(car.assist, {name: values.get(name, KNOWN[name].value(car.assist, 0.0)) for name in named})
+    return parameters.tuned(car.assist, parameters.complete(car.assist, values))
 
 
 def drives_of(study: Study) -> list[Drive]:
@@ -234,10 +233,10 @@ def _outputs(study: Study, plant: _Prepared, values: Mapping[str, float]) -> Out
     for each in plant.drives:
         test = each.drive.manoeuvre.name
         for name, metric in driving.evaluate((each,), assist).items():
-            found[test, name] = math.nan if metric.reason else float(metric.value)
+            found[test, name] = metric.value
             if metric.reason:
                 refused[test, name] = metric.reason
     margins = driving.margins(plant.drives, assist)
-    phase, gain = math.degrees(margins.phase), min(reward.decibels(margins.gain), ENOUGH)
-    of_loop = (min(phase, 180.0), gain) if margins.stable else (0.0, 0.0)
+    phase, gain = reward.degrees_and_decibels(margins)
+    of_loop = (min(phase, 180.0), min(gain, ENOUGH)) if margins.stable else (0.0, 0.0)
     return Outputs(found | dict(zip((("", name) for name in OF_LOOP), of_loop)), refused)

@@ -1,7 +1,7 @@
 """Target bands of metrics as data files with their provenance, and the rating of a value by its band."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,6 +20,11 @@ class Band(NamedTuple):
     good: tuple[float, float]  # green inside
     fair: tuple[float, float]  # amber inside, red outside
 
+    def distance(self, value: float) -> float:
+        """Distance of a value from the good band over the band's width, 0 inside [1]."""
+        low, high = self.good
+        return max(low - value, value - high, 0.0) / (high - low)
+
 
 class Targets(NamedTuple):
     """Bands by test and metric."""
@@ -28,6 +33,16 @@ class Targets(NamedTuple):
     description: str
     source: str
     bands: dict[str, dict[str, Band]]
+
+    def of_tests(self, tests: Iterable[str]) -> dict[str, Band]:
+        """The bands for the metrics of tests, by metric; ValueError where there is none."""
+        names = tuple(tests)
+        bands = {name: band for test in names for name, band in self.bands.get(test, {}).items()}
+        if not bands:
+            raise ValueError(
+                f"targets {self.name!r} have no band for {', '.join(names)}: add one, or give other targets"
+            )
+        return bands
 
 
 class Rating(NamedTuple):

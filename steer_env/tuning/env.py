@@ -19,7 +19,7 @@ from steer_env.metrics import Value, definition
 from steer_env.targets import load as load_targets
 from steer_env.tasks import Quantity
 from steer_env.tuning import context, driving, reward, start
-from steer_env.tuning.parameters import KNOWN, keys, reported, tuned, values
+from steer_env.tuning.parameters import KNOWN, car_with, keys, tuned, values
 from steer_env.tuning.scenarios.common.definition import SPEEDS, Scenario
 from steer_env.vehicle import cars
 from steer_env.vehicle import chassis as chassis_models
@@ -121,11 +121,11 @@ class TuneEnv(PlainSpecification, gym.Env):
     Any other keyword is an error. ``reset(options=...)`` fixes what would be drawn. ``baseline_action`` is the action
     of the start, ``own_action`` that of the car's own assist.
 
-    ``info`` has the same keys at reset, at every step and at the end: ``cost``, and dicts of floats ``context``,
-    ``parameters`` (of the set), ``wanted`` (middles of the wanted bands), ``evaluated`` (the set's metrics, NaN where
-    one is refused), ``margins``, ``reward_terms``, ``cost_terms``, ``best`` (reward and parameters of the best set so
-    far) and ``metrics`` (those of the best set). What there is not yet is NaN. ``units`` are those of the metrics,
-    ``refused`` the reasons of the last set by metric, and ``best_action`` is the action of the best set so far.
+    ``info`` has ``cost``, and dicts of floats ``context``, ``parameters`` (of the set), ``wanted`` (middles of the
+    wanted bands), ``reward_terms`` and ``cost_terms``; after a step also ``evaluated`` (the set's metrics, NaN where
+    one is refused), ``margins``, ``best`` (reward and parameters of the best set so far) and ``metrics`` (those of the
+    best set), which a reset has not. ``units`` are those of the metrics, ``refused`` the reasons of the last set by
+    metric, and ``best_action`` is the action of the best set so far.
     """
 
     metadata = {"render_modes": []}  # noqa: RUF012 (Gymnasium's own form)
@@ -196,8 +196,8 @@ class TuneEnv(PlainSpecification, gym.Env):
         """No set has been tried."""
         self.refused: dict[str, str] = {}
         self.best_action: NDArray[np.float32] | None = None
-        self._best = dict.fromkeys(("reward", *reported(self.scenario.parameters)), math.nan)
-        self._metrics = dict.fromkeys(self.scenario.metrics, math.nan)  # of the best set
+        self._best: dict[str, float] = {}  # reward and parameters of the best set
+        self._metrics: dict[str, float] = {}  # of the best set
 
     def __getstate__(self) -> dict[str, Any]:
         # The motion of a manoeuvre's hands is a function within a function and cannot be pickled.
@@ -237,8 +237,7 @@ class TuneEnv(PlainSpecification, gym.Env):
 
         ``steer_env.vehicle.cars.write(env.tuned_car(env.best_action), "tuned.toml")`` writes it as a car file.
         """
-        data = {**self.car.data(), "name": f"{self.car.name}_tuned"}
-        return cars.load({**data, "assist": keys(self.car.assist, self._values(clipped(action)))})
+        return car_with(self.car, keys(self.car.assist, self._values(clipped(action))), f"{self.car.name}_tuned")
 
     def _values(self, action: NDArray[Any]) -> dict[str, float]:
         """The value of every parameter at an action in [-1, 1] in the present episode."""
@@ -282,8 +281,6 @@ class TuneEnv(PlainSpecification, gym.Env):
         self._left = math.inf if self.sets is None else self.sets
         self._forget()
         nothing = {
-            "evaluated": dict.fromkeys(self.scenario.metrics, math.nan),
-            "margins": {"phase_deg": math.nan, "gain_db": math.nan},
             "reward_terms": dict.fromkeys((*self.terms, *reward.MARGIN_TERMS), 0.0),
             "cost_terms": dict.fromkeys(reward.MARGIN_TERMS, 0.0),
         }
@@ -322,13 +319,13 @@ class TuneEnv(PlainSpecification, gym.Env):
         total = float(sum(terms.values()))
         self._left -= 1
         self.refused = {name: value.reason for name, value in found.items() if value.reason}
-        evaluated = {name: math.nan if found[name].reason else float(found[name].value) for name in self.units}
+        evaluated = {name: found[name].value for name in self.units}
         if self.best_action is None or total > self._best["reward"]:
             self.best_action, self._metrics = action.copy(), evaluated
             self._best = {"reward": total, **self._values(action)}
         results = {
             "evaluated": evaluated,
-            "margins": {"phase_deg": math.degrees(margins.phase), "gain_db": reward.decibels(margins.gain)},
+            "margins": dict(zip(("phase_deg", "gain_db"), reward.degrees_and_decibels(margins))),
             "reward_terms": terms,
             "cost_terms": shortfall,
         }
@@ -344,9 +341,9 @@ class TuneEnv(PlainSpecification, gym.Env):
             "parameters": self._values(action),
             "wanted": {name: sum(term.band.good) / 2.0 for name, term in self.wanted.items()},
             **results,
-            "best": self._best,
-            "metrics": self._metrics,
         }
+        if self.best_action is not None:
+            every |= {"best": self._best, "metrics": self._metrics}
         info: dict[str, Any] = {key: {name: float(x) for name, x in each.items()} for key, each in every.items()}
         info["cost"] = sum(info["cost_terms"].values())
         return info
@@ -364,6 +361,6 @@ class TuneEnv(PlainSpecification, gym.Env):
             metrics = [found[name] for name in self.scenario.bounds]
             refused = sum(bool(value.reason) for value in metrics) / len(metrics)
             held = [0.0 if value.reason else value.value for value in metrics]
-            limits = (math.degrees(margins.phase), reward.decibels(margins.gain)) if margins.stable else (0.0, 0.0)
+            limits = reward.degrees_and_decibels(margins) if margins.stable else (0.0, 0.0)
             seen[len(known) :] = [*action, *held, *limits, refused]
         return np.clip(seen.astype(np.float32), self.observation_space.low, self.observation_space.high)  # type: ignore[attr-defined]

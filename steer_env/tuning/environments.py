@@ -93,8 +93,8 @@ def _documentation(scenario: Scenario) -> str:
         "## Metrics",
         _filled(
             '`info["evaluated"]` has every metric of the tests with the last parameter set (`docs/metrics.md` defines '
-            'them), `info["metrics"]` those with the best set so far; NaN where a metric is refused, and before the '
-            "first set."
+            'them), `info["metrics"]` those with the best set so far; NaN where a metric is refused. The info of a '
+            "reset has neither."
         ),
         "## Start",
         _filled(

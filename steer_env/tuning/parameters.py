@@ -20,6 +20,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from steer_env.vehicle import cars
+from steer_env.vehicle.cars import Car
 from steer_env.vehicle.keys import declared_keys
 from steer_env.vehicle.steering import eps, motor
 from steer_env.vehicle.steering.assist import functions
@@ -108,8 +110,12 @@ def reported(names: tuple[str, ...]) -> tuple[str, ...]:
 
 def values(a: Assist, names: tuple[str, ...], position: Array) -> dict[str, float]:
     """The value of every parameter at positions (n,) of those named; the others keep the car's own value."""
-    positions = dict(zip(names, position.tolist()))
-    return {name: KNOWN[name].value(a, positions.get(name, 0.0)) for name in reported(names)}
+    return complete(a, {name: KNOWN[name].value(a, x) for name, x in zip(names, position.tolist())})
+
+
+def complete(a: Assist, given: Mapping[str, float]) -> dict[str, float]:
+    """The value of every parameter: those that are given, whatever else is, and the car's own of the others."""
+    return {name: given.get(name, KNOWN[name].value(a, 0.0)) for name in reported(tuple(given))}
 
 
 def keys(a: Assist, p: Mapping[str, float]) -> dict[str, Any]:
@@ -136,6 +142,11 @@ def keys(a: Assist, p: Mapping[str, float]) -> dict[str, Any]:
         "bandwidth": a.bandwidth / (2.0 * np.pi),
         "limit": a.limit,
     }
+
+
+def car_with(car: Car, assist: Mapping[str, Any], name: str) -> Car:
+    """The car under another name, with other keys of its section ``assist``; a warning where they are not usual."""
+    return cars.load({**car.data(), "name": name, "assist": assist})
 
 
 def tuned(a: Assist, p: Mapping[str, float]) -> Assist:

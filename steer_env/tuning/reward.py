@@ -36,9 +36,7 @@ def terms(scenario: Scenario, targets: Targets, weights: Mapping[str, float] | N
     ValueError
         The targets have no band for any test of the scenario, or a weight is for an unknown term.
     """
-    bands = {name: band for test in scenario.tests for name, band in targets.bands.get(test, {}).items()}
-    if not bands:
-        raise ValueError(f"targets {targets.name!r} have no bands for {', '.join(scenario.tests)}")
+    bands = targets.of_tests(scenario.tests)
     given = dict(weights or {})
     for name in given:
         if name not in bands:
@@ -83,22 +81,20 @@ def distance(value: Value, band: Band) -> float:
     """
     if value.reason:
         return MAX_DISTANCE
-    low, high = band.good
-    x = max(low - value.value, value.value - high, 0.0) / (high - low)
+    x = band.distance(value.value)
     return x / (1.0 + x / MAX_DISTANCE)
 
 
-def decibels(gain: float) -> float:
-    """A gain margin in dB."""
-    return 20.0 * math.log10(gain)
+def degrees_and_decibels(margins: Margins) -> tuple[float, float]:
+    """Phase margin [deg] and gain margin [dB], whether or not the loop is stable."""
+    return math.degrees(margins.phase), 20.0 * math.log10(margins.gain)
 
 
 def margin_shortfall(margins: Margins) -> dict[str, float]:
     """Shortfall of each margin below the usual 30 deg and 6 dB, over these [1]; 1 if the loop is unstable."""
-    found = math.degrees(margins.phase), decibels(margins.gain)
     return {
-        name: min(max(1.0 - have / least, 0.0), 1.0) if margins.stable else 1.0
-        for name, have, least in zip(MARGIN_TERMS, found, MARGINS)
+        name: min(max(1.0 - margin / least, 0.0), 1.0) if margins.stable else 1.0
+        for name, margin, least in zip(MARGIN_TERMS, degrees_and_decibels(margins), MARGINS)
     }
 
 

@@ -5,7 +5,6 @@ largest one, so that no parameter is right by chance. That of a strength is abov
 function, and less than nothing is nothing. The start is driveable: the loop keeps a share of the wanted margins.
 """
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -49,5 +48,5 @@ def _kept(car: Car, passed: tuple[float, ...], names: tuple[str, ...], speeds: S
     """The smaller share of a wanted margin that an offset keeps [1]; 0 where the loop is unstable."""
     assist = tuned(car.assist, values(car.assist, names, offset))
     found = least([worst_margins(car.column, assist, speed, passed) for speed in speeds])
-    phase, gain = (x / wanted for x, wanted in zip((math.degrees(found.phase), reward.decibels(found.gain)), MARGINS))
-    return min(phase, gain) if found.stable else 0.0
+    shares = (margin / wanted for margin, wanted in zip(reward.degrees_and_decibels(found), MARGINS))
+    return min(shares) if found.stable else 0.0

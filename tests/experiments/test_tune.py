@@ -17,6 +17,7 @@ from steer_env.experiments.calibration import feasibility, problem, search, stor
 from steer_env.experiments.calibration.search import WorkerOf
 from steer_env.experiments.cli.main import main, parsed
 from steer_env.targets import Band
+from steer_env.tuning.reward import MAX_DISTANCE
 from steer_env.vehicle import cars
 from tests.experiments.quick_search import RANGES, job
 
@@ -256,7 +257,7 @@ def test_margins_that_are_missed(posed):
     assert missed["motor_limit"] == pytest.approx(tuned.boost.max() / tuned.limit - 1.0)
     assert missed["motor_limit"] > 0.5
     assert set(found.refused) == set(posed.bands)
-    assert problem.objectives(posed, found, tuple(posed.bands))["effort"] == 2 * problem.FARTHEST
+    assert problem.objectives(posed, found, tuple(posed.bands))["effort"] == 2 * MAX_DISTANCE
 
 
 def refused(capfd, *words):

@@ -29,6 +29,7 @@ from steer_env.experiments.calibration.pace import Pace
 from steer_env.experiments.calibration.problem import Evaluation
 from steer_env.experiments.cli import tune
 from steer_env.experiments.cli.main import main, parsed
+from steer_env.tuning.reward import MAX_DISTANCE
 from steer_env.vehicle import cars
 from steer_env.vehicle.steering.margins import Margins
 
@@ -280,7 +281,7 @@ def test_a_band_that_changes_side_is_told(posed):
     assert left.changed == (("yaw_lag", "rough", False),)
     assert own_angles.compared(posed, counted, trials[1], trials[0]).changed == (("yaw_lag", "rough", True),)
     lost = own_angles.compared(posed, counted, trials[0], trials[2])
-    assert lost.difference == problem.FARTHEST
+    assert lost.difference == MAX_DISTANCE
     assert lost.changed == (("release_overshoot", "rough", False),)
     text = json.dumps(own_angles.as_json({"best": lost}))
     assert json.loads(text)["best"]["changed"] == [["release_overshoot", "rough", False]]
@@ -388,7 +389,7 @@ def test_a_metric_that_only_the_start_refuses_is_moved(posed, monkeypatch):
         return found
 
     monkeypatch.setattr(problem, "evaluate", refused)
-    assert tuning.moved(posed, here)["release_overshoot"] == problem.FARTHEST
+    assert tuning.moved(posed, here)["release_overshoot"] == MAX_DISTANCE
 
 
 def test_a_study_that_has_only_begun_is_left_out(tmp_path, posed, quick):
