@@ -72,7 +72,8 @@ def _documentation(task: Task) -> str:
         textwrap.fill(task.begins, 118),
         "## End",
         textwrap.fill(
-            f"{task.ends} It fails as well if the car rolls over or spins out, or a state is no longer finite.",
+            f"{task.ends} The episode fails as well if the car rolls over or spins out, or a state is no longer "
+            "finite.",
             118,
         ),
         "## Arguments",
