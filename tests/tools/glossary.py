@@ -270,16 +270,15 @@ def _short(name: str) -> str:
 def _folded(text: str) -> str:
     """The text with one row for the points of a path or of a target, which differ in the time ahead only."""
     row = re.compile(r"^\| (\d+) \| (path|target) ([\d.]+)s: ([^|]*) \| ([^|]*) \| ([^|]*) \|(.*)\n", re.MULTILINE)
-    rows = row.findall(text)
-    if not rows:
+    found = list(row.finditer(text))
+    if not found:
         return text
-    indices, (name, *_), times, (meaning, *_), (bound, *_), usual, (unit, *_) = zip(*rows)
+    indices, (name, *_), times, (meaning, *_), (bound, *_), usual, (unit, *_) = zip(*(each.groups() for each in found))
     told = ", ".join(times) if len(times) < 5 else f"{times[0]}, {times[1]} ... {times[-1]}"
     size = usual[0] if len(set(usual)) == 1 else f"{usual[0]} to {usual[-1]}"
     meaning = re.sub(r"[\d.]+ s (from now )?", "", meaning)
     whole = f"| {indices[0]}-{indices[-1]} | {name} at {told} s: {meaning} | {bound} | {size} |{unit}\n"
-    before, after = text[: row.search(text).start()], text[[*row.finditer(text)][-1].end() :]  # type: ignore[union-attr]
-    return before + whole + after
+    return text[: found[0].start()] + whole + text[found[-1].end() :]
 
 
 def environment(name: str) -> str:
