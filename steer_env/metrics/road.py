@@ -36,7 +36,7 @@ from steer_env.friction import response
 from steer_env.hand_torque.drive import FEWEST, at_instants, corrections, even, prepared
 from steer_env.hand_torque.model import smoothed, stretched
 from steer_env.metrics.common.confidence import interval
-from steer_env.metrics.common.definitions import Bounded, Doubt, RefusedError, metric, register_evaluation
+from steer_env.metrics.common.definitions import Bounded, Doubt, RefusedError, declare, metric, register_evaluation
 from steer_env.metrics.common.events import runs
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, SPEED, TORQUE, YAW, DoubleFiltered
 from steer_env.metrics.common.kept import anew, kept
@@ -314,7 +314,8 @@ def _half(whole: Bounded) -> Bounded:
 
 register_evaluation("road", Road, constant_speed=False, plots=((ANGLE, TORQUE),), steered=True, gaps=True)
 
-_road = partial(metric, source="after ISO 13674-1, by regression of a free drive")
+SOURCE = "after ISO 13674-1, by regression of a free drive"
+_road = partial(metric, source=SOURCE)
 
 
 @_road("N m", "road")
@@ -366,9 +367,8 @@ def _by_speed(name: str, unit: str, x: str, over: str) -> None:
         def read(road: Road, speeds: tuple[int, int] = (low, high)) -> Bounded:
             return road.slope(x, speeds)
 
-        read.__name__ = f"{name}_{low}_to_{high}_kph"
-        read.__doc__ = f"Slope of torque over {over}, as at all speeds, from {low} to below {high} km/h."
-        _road(unit, "road")(read)
+        text = f"Slope of torque over {over}, as at all speeds, from {low} to below {high} km/h."
+        declare(f"{name}_{low}_to_{high}_kph", unit, text, read, "road", source=SOURCE)
 
 
 _by_speed("road_steering_stiffness", "N m/deg", ANGLE, "handwheel angle")

@@ -7,13 +7,14 @@ is the mean over the last second in which the handwheel is held, which ends 0.1 
 """
 
 from collections.abc import Callable, Mapping
+from operator import methodcaller
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import stats
 
 from steer_env.metrics.common import events
-from steer_env.metrics.common.definitions import Bounded, RefusedError, metric, register_evaluation
+from steer_env.metrics.common.definitions import Bounded, RefusedError, declare, metric, register_evaluation
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, SPEED, TORQUE, YAW, FilteredChannels
 from steer_env.metrics.common.kept import anew, kept
 from steer_env.recording.recording import DEGREE, Recording
@@ -206,90 +207,50 @@ def _end_of_hold(angle: np.ndarray, first: int, away: int, size: float) -> int:
 register_evaluation("step-steer", Steps, steered=True, speed_m_s=80 / 3.6)
 
 
-def _step_metric(unit: str, **more: Any) -> Callable:
-    # A range around the standard's 4 m/s2; assumed. Above it the tyres saturate; below it friction and noise dominate.
-    return metric(unit, "step-steer", **{"validity": (0.15, 0.65), "source": SOURCE, **more})
+# A range around the standard's 4 m/s2; assumed. Above it the tyres saturate; below it friction and noise dominate.
+VALID = (0.15, 0.65)  # peak lateral acceleration [g]
 
 
-@_step_metric("1/s")
-def yaw_rate_step_gain(steps: Steps) -> np.ndarray:
-    """Steady yaw rate divided by the steady handwheel angle."""
-    return steps.gain(YAW)
+def _of_response(channel: str, gain: str, top: str, steady: str) -> None:
+    """Declare the metrics of a response: unit of its gain, what is said of its top, its name where it comes again."""
+    name = channel.replace("_", " ")
+
+    def of(ending: str, unit: str, definition: str, read: Callable[[Steps], Any], source: str = SOURCE) -> None:
+        declare(f"{channel}_{ending}", unit, definition, read, "step-steer", validity=VALID, source=source)
+
+    half = "from half of the handwheel angle"
+    of("step_gain", gain, f"Steady {name} divided by the steady handwheel angle.", methodcaller("gain", channel))
+    of(
+        "time_to_90",
+        "s",
+        f"Response time {half} to 90 % of the steady {name}.",
+        methodcaller("response_time", channel),
+    )
+    of(
+        "rise_time",
+        "s",
+        f"Time from 10 % to 90 % of the steady {name}.",
+        methodcaller("rise_time", channel),
+        "common use",
+    )
+    of(
+        "peak_time",
+        "s",
+        f"Peak response time {half} to the highest {name}{top}",
+        lambda steps: steps.peak(channel)[:, 0],
+    )
+    above = f"Highest {name}, the top of a cubic through the peak, divided by the steady {steady}, minus one."
+    of("overshoot", "1", above, lambda steps: steps.peak(channel)[:, 1] - 1.0)
+    settled = f"Time {half} until the {name} stays within 5 % of its steady value. The response is low-passed at 5 Hz."
+    of("settling_time", "s", settled, methodcaller("settling_time", channel), "common use")
 
 
-@_step_metric("s")
-def yaw_rate_time_to_90(steps: Steps) -> np.ndarray:
-    """Response time from half of the handwheel angle to 90 % of the steady yaw rate."""
-    return steps.response_time(YAW)
+_of_response(YAW, "1/s", ". The highest yaw rate is the top of a cubic through the peak.", "yaw rate")
+_of_response(AY, "g/100 deg", ", as for the yaw rate.", "one")
 
 
-@_step_metric("s", source="common use")
-def yaw_rate_rise_time(steps: Steps) -> np.ndarray:
-    """Time from 10 % to 90 % of the steady yaw rate."""
-    return steps.rise_time(YAW)
-
-
-@_step_metric("s")
-def yaw_rate_peak_time(steps: Steps) -> np.ndarray:
-    """Peak response time from half of the handwheel angle to the highest yaw rate.
-
-    The highest yaw rate is the top of a cubic through the peak.
-    """
-    return steps.peak(YAW)[:, 0]
-
-
-@_step_metric("1")
-def yaw_rate_overshoot(steps: Steps) -> np.ndarray:
-    """Highest yaw rate, the top of a cubic through the peak, divided by the steady yaw rate, minus one."""
-    return steps.peak(YAW)[:, 1] - 1.0
-
-
-@_step_metric("s", source="common use")
-def yaw_rate_settling_time(steps: Steps) -> Bounded:
-    """Time from half of the handwheel angle until the yaw rate stays within 5 % of its steady value.
-
-    The response is low-passed at 5 Hz.
-    """
-    return steps.settling_time(YAW)
-
-
-@_step_metric("g/100 deg")
-def lateral_acceleration_step_gain(steps: Steps) -> np.ndarray:
-    """Steady lateral acceleration divided by the steady handwheel angle."""
-    return steps.gain(AY)
-
-
-@_step_metric("s")
-def lateral_acceleration_time_to_90(steps: Steps) -> np.ndarray:
-    """Response time from half of the handwheel angle to 90 % of the steady lateral acceleration."""
-    return steps.response_time(AY)
-
-
-@_step_metric("s", source="common use")
-def lateral_acceleration_rise_time(steps: Steps) -> np.ndarray:
-    """Time from 10 % to 90 % of the steady lateral acceleration."""
-    return steps.rise_time(AY)
-
-
-@_step_metric("s")
-def lateral_acceleration_peak_time(steps: Steps) -> np.ndarray:
-    """Peak response time from half of the handwheel angle to the highest lateral acceleration, as for the yaw rate."""
-    return steps.peak(AY)[:, 0]
-
-
-@_step_metric("1")
-def lateral_acceleration_overshoot(steps: Steps) -> np.ndarray:
-    """Highest lateral acceleration, the top of a cubic through the peak, divided by the steady one, minus one."""
-    return steps.peak(AY)[:, 1] - 1.0
-
-
-@_step_metric("s", source="common use")
-def lateral_acceleration_settling_time(steps: Steps) -> Bounded:
-    """Time from half of the handwheel angle until the lateral acceleration stays within 5 % of its steady value.
-
-    The response is low-passed at 5 Hz.
-    """
-    return steps.settling_time(AY)
+def _step_metric(unit: str, source: str = SOURCE) -> Callable:
+    return metric(unit, "step-steer", validity=VALID, source=source)
 
 
 @_step_metric("N m")
@@ -307,4 +268,4 @@ def steady_step_sideslip(steps: Steps) -> np.ndarray:
 @_step_metric("deg s", source="after Lincke, Richter, Schmidt, SAE paper 730489, 1973, and ISO 7401")
 def tb_factor(steps: Steps) -> np.ndarray:
     """Peak response time of the yaw rate times the size of the steady sideslip angle."""
-    return yaw_rate_peak_time(steps) * np.abs(steady_step_sideslip(steps))
+    return steps.peak(YAW)[:, 0] * np.abs(steady_step_sideslip(steps))

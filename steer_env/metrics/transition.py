@@ -8,13 +8,15 @@ ramps to both sides are needed in equal numbers; an offset then drops out. The r
 less its reading in straight running before the first ramp, since an offset would move where they begin.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from functools import partial
+from operator import methodcaller
 from typing import Any
 
 import numpy as np
 
 from steer_env.metrics.common import ramps, straight
-from steer_env.metrics.common.definitions import RefusedError, metric, register_evaluation
+from steer_env.metrics.common.definitions import RefusedError, declare, metric, register_evaluation
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE, YAW, FilteredChannels
 from steer_env.metrics.common.kept import kept
 from steer_env.recording.recording import DEGREE, Recording
@@ -104,65 +106,53 @@ class Transitions:
 register_evaluation("transition", Transitions, steered=True, speed_m_s=100 / 3.6)
 
 
-def _transition_metric(unit: str, **more: Any) -> Callable:
-    return metric(unit, "transition", **{"validity": (0.05, 0.35), "source": SOURCE, **more})
+VALID = (0.05, 0.35)  # peak lateral acceleration [g]
+_transition_metric = partial(metric, validity=VALID, source=SOURCE)
 
 
-@_transition_metric("deg")
-def yaw_rate_transition_angle_deadband(transitions: Transitions) -> np.ndarray:
-    """Handwheel angle at which the line of the yaw rate near centre starts from zero."""
-    return transitions.zero(YAW, ANGLE)
+def _deadbands(quantity: str, unit: str, channel: str, definition: str) -> None:
+    """Declare the dead bands of what the hands hold, each at one response of the car."""
+    for response in (YAW, AY):
+        name = f"{response}_transition_{quantity}_deadband"
+        text = definition.format(response.replace("_", " "))
+        declare(name, unit, text, methodcaller("zero", response, channel), "transition", validity=VALID, source=SOURCE)
 
 
-@_transition_metric("deg")
-def lateral_acceleration_transition_angle_deadband(transitions: Transitions) -> np.ndarray:
-    """Handwheel angle at which the line of the lateral acceleration near centre starts from zero."""
-    return transitions.zero(AY, ANGLE)
+_deadbands("angle", "deg", ANGLE, "Handwheel angle at which the line of the {} near centre starts from zero.")
+_deadbands("torque", "N m", TORQUE, "Handwheel torque on the line over the {0} near centre, at a {0} of zero.")
 
 
-@_transition_metric("N m")
-def yaw_rate_transition_torque_deadband(transitions: Transitions) -> np.ndarray:
-    """Handwheel torque on the line over the yaw rate near centre, at a yaw rate of zero."""
-    return transitions.zero(YAW, TORQUE)
-
-
-@_transition_metric("N m")
-def lateral_acceleration_transition_torque_deadband(transitions: Transitions) -> np.ndarray:
-    """Handwheel torque on the line over the lateral acceleration near centre, at a lateral acceleration of zero."""
-    return transitions.zero(AY, TORQUE)
-
-
-@_transition_metric("N m/g")
+@_transition_metric("N m/g", "transition")
 def transition_torque_gradient_near_centre(transitions: Transitions) -> np.ndarray:
     """Slope of the torque over the lateral acceleration from 0.1 to 0.5 m/s2."""
     return transitions.slope(TORQUE, AY, CENTRE)
 
 
-@_transition_metric("N m/g")
+@_transition_metric("N m/g", "transition")
 def transition_torque_gradient_at_1m_s2(transitions: Transitions) -> np.ndarray:
     """Slope of the torque over the lateral acceleration from 0.75 to 1.25 m/s2."""
     return transitions.slope(TORQUE, AY, AT_1)
 
 
-@_transition_metric("N m")
+@_transition_metric("N m", "transition")
 def transition_torque_at_1m_s2(transitions: Transitions) -> np.ndarray:
     """Handwheel torque at a lateral acceleration of 1 m/s2, on the line fitted there."""
     return transitions.at_1(TORQUE)
 
 
-@_transition_metric("g/100 deg")
+@_transition_metric("g/100 deg", "transition")
 def transition_sensitivity_near_centre(transitions: Transitions) -> np.ndarray:
     """Slope of the lateral acceleration over the handwheel angle from 0.1 to 0.5 m/s2."""
     return transitions.slope(AY, ANGLE, CENTRE)
 
 
-@_transition_metric("g/100 deg")
+@_transition_metric("g/100 deg", "transition")
 def transition_sensitivity_at_1m_s2(transitions: Transitions) -> np.ndarray:
     """Slope of the lateral acceleration over the handwheel angle from 0.75 to 1.25 m/s2."""
     return transitions.slope(AY, ANGLE, AT_1)
 
 
-@_transition_metric("1/s")
+@_transition_metric("1/s", "transition")
 def transition_yaw_rate_gain(transitions: Transitions) -> np.ndarray:
     """Slope of the yaw rate over the handwheel angle while the lateral acceleration rises from 0.1 to 0.5 m/s2."""
     return transitions.slope(YAW, ANGLE, CENTRE)

@@ -89,7 +89,7 @@ class Metrics(dict[str, Value]):
 
 @dataclass(frozen=True)
 class Metric:
-    """One metric; :func:`metric` declares it above the function that computes it."""
+    """One metric; :func:`metric` declares it above the function that computes it, :func:`declare` one of several."""
 
     name: str
     unit: str  # of the reported value, a key of UNITS
@@ -159,26 +159,39 @@ def register_evaluation(
     return EVALUATIONS.register(name, ManoeuvreEvaluation(name, read, conditions, constant_speed, plots, steered, gaps))
 
 
-def metric(
+def declare(
+    name: str,
     unit: str,
+    definition: str,
+    read: Callable[[Any], Any],
     *tests: str,
     usual: tuple[float, float] | None = None,
     validity: tuple[float, float] | None = None,
     source: str,
-) -> Callable[[Callable[[Any], Any]], Callable[[Any], Any]]:
+) -> None:
+    """Register a metric; the arguments are fields of :class:`Metric`.
+
+    Raises
+    ------
+    ValueError
+        If the name is taken, there is no definition, or the unit is not in ``UNITS``.
+    """
+    if name in _metrics or not definition or unit not in UNITS:
+        raise ValueError(
+            f"metric {name!r} needs a name that no other metric has, a definition, and a unit out of {list(UNITS)}"
+        )
+    _metrics[name] = Metric(name, unit, definition, source, usual, validity, tests, read)
+
+
+def metric(unit: str, *tests: str, **more: Any) -> Callable[[Callable[[Any], Any]], Callable[[Any], Any]]:
     """Register the decorated function as a metric under its own name, with its docstring as the definition.
 
-    The arguments are fields of :class:`Metric`. The decorator raises a ValueError if the name is taken, the function
-    has no docstring, or the unit is not in ``UNITS``.
+    The arguments are those of :func:`declare`.
     """
 
     def register(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
-        name, text = function.__name__, " ".join((inspect.getdoc(function) or "").split())
-        if name in _metrics or not text or unit not in UNITS:
-            raise ValueError(
-                f"metric {name!r} needs a name that no other metric has, a docstring, and a unit out of {list(UNITS)}"
-            )
-        _metrics[name] = Metric(name, unit, text, source, usual, validity, tests, function)
+        text = " ".join((inspect.getdoc(function) or "").split())
+        declare(function.__name__, unit, text, function, *tests, **more)
         return function
 
     return register

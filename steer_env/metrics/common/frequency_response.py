@@ -7,12 +7,12 @@ and ``highest_hz``. :func:`frequency_response_curve` returns a response for plot
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from operator import methodcaller
 
 import numpy as np
 
 from steer_env.metrics.common import events
-from steer_env.metrics.common.definitions import RefusedError, evaluation_of, metric, register_evaluation
+from steer_env.metrics.common.definitions import RefusedError, declare, evaluation_of, metric, register_evaluation
 from steer_env.metrics.common.filtered_channels import AY, TORQUE, YAW
 from steer_env.metrics.common.spectra import Array, Complex, Curve, Spectra
 from steer_env.recording.recording import Recording
@@ -110,97 +110,81 @@ def _frequency(spectra: Spectra, name: str, read: Callable[[Array, Complex], flo
     return spectra.pseudo_values(name, read)
 
 
-def _spectral_metric(unit: str, **more: Any) -> Callable:
-    return metric(unit, *TESTS, **{"source": SOURCE, **more})
+def _equivalent_time(spectra: Spectra, name: str) -> Array:
+    _frequency(spectra, name, _equivalent_frequency)
+    return spectra.pseudo_values(name, lambda f, h: 1.0 / (2.0 * np.pi * _equivalent_frequency(f, h)))
 
 
-@_spectral_metric("1/s")
-def yaw_rate_steady_state_gain(spectra: Spectra) -> Array:
-    """Yaw rate over handwheel angle at the lowest frequency that is read, 0.2 Hz."""
-    return _value(spectra, YAW, partial(_gain, None), spectra.frequency[0])
+def _of_response(channel: str, unit: str) -> None:
+    """Declare the metrics of a response of the car, whose gain has a unit."""
+    name = channel.replace("_", " ")
+
+    def of(ending: str, unit: str, definition: str, read: Callable[[Spectra], Array]) -> None:
+        declare(f"{channel}_{ending}", unit, definition, read, *TESTS, source=SOURCE)
+
+    of(
+        "steady_state_gain",
+        unit,
+        f"{name.capitalize()} over handwheel angle at the lowest frequency that is read, 0.2 Hz.",
+        lambda spectra: _value(spectra, channel, partial(_gain, None), spectra.frequency[0]),
+    )
+    of(
+        "bandwidth",
+        "Hz",
+        f"Frequency at which the gain of the {name} is 3 dB below the gain at the lowest frequency.",
+        lambda spectra: _frequency(spectra, channel, _bandwidth),
+    )
+    if channel == YAW:
+        of(
+            "resonance_frequency",
+            "Hz",
+            f"Frequency of the highest gain of the {name}, from a cubic through the top of the gain.",
+            lambda spectra: _frequency(spectra, channel, lambda f, h: _resonance(f, h)[0]),
+        )
+        of(
+            "resonance_ratio",
+            "1",
+            f"Highest gain of the {name} divided by the gain at the lowest frequency.",
+            lambda spectra: _value(spectra, channel, lambda f, h: _resonance(f, h)[1] / abs(h[0])),
+        )
+    of(
+        "phase_lag_at_1hz",
+        "deg",
+        f"Phase by which the {name} lags the handwheel angle at 1 Hz.",
+        lambda spectra: _value(spectra, channel, partial(_lag, 1.0), 1.0),
+    )
+    of(
+        "equivalent_time",
+        "s",
+        f"T_eq = 1/(2 pi f), where f is the frequency at which the phase of the {name} is -45 deg.",
+        lambda spectra: _equivalent_time(spectra, channel),
+    )
+    of(
+        "lowest_coherence",
+        "1",
+        f"Lowest squared coherence of {name} and handwheel angle in the band.",
+        methodcaller("lowest_coherence", channel),
+    )
 
 
-@_spectral_metric("Hz")
-def yaw_rate_bandwidth(spectra: Spectra) -> Array:
-    """Frequency at which the gain of the yaw rate is 3 dB below the gain at the lowest frequency."""
-    return _frequency(spectra, YAW, _bandwidth)
+_of_response(YAW, "1/s")
+_of_response(AY, "g/100 deg")
+_torque_metric = partial(metric, source="common use")
 
 
-@_spectral_metric("Hz")
-def yaw_rate_resonance_frequency(spectra: Spectra) -> Array:
-    """Frequency of the highest gain of the yaw rate, from a cubic through the top of the gain."""
-    return _frequency(spectra, YAW, lambda f, h: _resonance(f, h)[0])
-
-
-@_spectral_metric("1")
-def yaw_rate_resonance_ratio(spectra: Spectra) -> Array:
-    """Highest gain of the yaw rate divided by the gain at the lowest frequency."""
-    return _value(spectra, YAW, lambda f, h: _resonance(f, h)[1] / abs(h[0]))
-
-
-@_spectral_metric("deg")
-def yaw_rate_phase_lag_at_1hz(spectra: Spectra) -> Array:
-    """Phase by which the yaw rate lags the handwheel angle at 1 Hz."""
-    return _value(spectra, YAW, partial(_lag, 1.0), 1.0)
-
-
-@_spectral_metric("s")
-def yaw_rate_equivalent_time(spectra: Spectra) -> Array:
-    """T_eq = 1/(2 pi f), where f is the frequency at which the phase of the yaw rate is -45 deg."""
-    _frequency(spectra, YAW, _equivalent_frequency)
-    return spectra.pseudo_values(YAW, lambda f, h: 1.0 / (2.0 * np.pi * _equivalent_frequency(f, h)))
-
-
-@_spectral_metric("1")
-def yaw_rate_lowest_coherence(spectra: Spectra) -> Array:
-    """Lowest squared coherence of yaw rate and handwheel angle in the band."""
-    return spectra.lowest_coherence(YAW)
-
-
-@_spectral_metric("g/100 deg")
-def lateral_acceleration_steady_state_gain(spectra: Spectra) -> Array:
-    """Lateral acceleration over handwheel angle at the lowest frequency that is read, 0.2 Hz."""
-    return _value(spectra, AY, partial(_gain, None), spectra.frequency[0])
-
-
-@_spectral_metric("Hz")
-def lateral_acceleration_bandwidth(spectra: Spectra) -> Array:
-    """Frequency at which the gain of the lateral acceleration is 3 dB below the gain at the lowest frequency."""
-    return _frequency(spectra, AY, _bandwidth)
-
-
-@_spectral_metric("deg")
-def lateral_acceleration_phase_lag_at_1hz(spectra: Spectra) -> Array:
-    """Phase by which the lateral acceleration lags the handwheel angle at 1 Hz."""
-    return _value(spectra, AY, partial(_lag, 1.0), 1.0)
-
-
-@_spectral_metric("s")
-def lateral_acceleration_equivalent_time(spectra: Spectra) -> Array:
-    """T_eq = 1/(2 pi f), where f is the frequency at which the phase of the lateral acceleration is -45 deg."""
-    _frequency(spectra, AY, _equivalent_frequency)
-    return spectra.pseudo_values(AY, lambda f, h: 1.0 / (2.0 * np.pi * _equivalent_frequency(f, h)))
-
-
-@_spectral_metric("1")
-def lateral_acceleration_lowest_coherence(spectra: Spectra) -> Array:
-    """Lowest squared coherence of lateral acceleration and handwheel angle in the band."""
-    return spectra.lowest_coherence(AY)
-
-
-@_spectral_metric("N m/deg", source="common use")
+@_torque_metric("N m/deg", *TESTS)
 def torque_steady_state_gain(spectra: Spectra) -> Array:
     """Handwheel torque over handwheel angle at the lowest frequency that is read, 0.2 Hz."""
     return _value(spectra, TORQUE, partial(_gain, None), spectra.frequency[0])
 
 
-@_spectral_metric("N m/deg", source="common use")
+@_torque_metric("N m/deg", *TESTS)
 def torque_gain_at_1hz(spectra: Spectra) -> Array:
     """Handwheel torque over handwheel angle at 1 Hz."""
     return _value(spectra, TORQUE, partial(_gain, 1.0), 1.0)
 
 
-@_spectral_metric("deg", source="common use")
+@_torque_metric("deg", *TESTS)
 def torque_phase_lead_at_1hz(spectra: Spectra) -> Array:
     """Phase by which the handwheel torque leads the handwheel angle at 1 Hz, from their cross spectrum over +-0.1 Hz.
 
@@ -209,7 +193,7 @@ def torque_phase_lead_at_1hz(spectra: Spectra) -> Array:
     return -_value(spectra, TORQUE, partial(_lag, 1.0), 1.0)
 
 
-@_spectral_metric("1", source="common use")
+@_torque_metric("1", *TESTS)
 def torque_lowest_coherence(spectra: Spectra) -> Array:
     """Lowest squared coherence of handwheel torque and handwheel angle in the band; friction lowers it."""
     return spectra.lowest_coherence(TORQUE)

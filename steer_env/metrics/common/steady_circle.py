@@ -6,13 +6,15 @@ either side, is a repeat. Gradients are slopes of straight lines over the latera
 """
 
 from collections.abc import Callable, Mapping
+from functools import partial
+from operator import methodcaller
 from typing import Any
 
 import numpy as np
 from scipy.stats import norm
 
 from steer_env.metrics.common import ramps
-from steer_env.metrics.common.definitions import SPEED_SPREAD, Bounded, RefusedError, metric
+from steer_env.metrics.common.definitions import SPEED_SPREAD, Bounded, RefusedError, declare, metric
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, ROLL, SPEED, TORQUE, YAW, FilteredChannels
 from steer_env.metrics.common.kept import kept
 from steer_env.metrics.common.noise import white
@@ -128,71 +130,61 @@ class Circles:
         return Bounded(np.array([mean.max() for mean in means]), noise * norm.isf(0.5 / max(2.0 * similar, 1.0)), 0.0)
 
 
-def _circle_metric(unit: str, **more: Any) -> Callable:
-    return metric(unit, *TESTS, **{"source": SOURCE, **more})
+_circle_metric = partial(metric, source=SOURCE)
 
 
-@_circle_metric("deg/g")
+def _steering_wheel_gradient(quantity: str, unit: str, channel: str) -> None:
+    """Declare the gradient of what the hands hold, over the linear range and at 6 m/s2."""
+    name = f"steering_wheel_{quantity}_gradient"
+    text = f"Slope of the handwheel {quantity} over the lateral acceleration"
+    declare(name, unit, f"{text}.", methodcaller("gradient", channel), *TESTS, source=SOURCE)
+    high = f"{text} from 5.5 to 6.5 m/s2."
+    declare(f"{name}_at_6m_s2", unit, high, methodcaller("gradient", channel, HIGH), *TESTS, source=SOURCE)
+
+
+@_circle_metric("deg/g", *TESTS)
 def understeer_gradient(circles: Circles) -> np.ndarray:
     """Slope of the handwheel angle divided by the steering ratio, minus the slope of wheelbase over radius."""
     return circles.understeer()
 
 
-@_circle_metric("deg/g")
+@_circle_metric("deg/g", *TESTS)
 def understeer_gradient_at_6m_s2(circles: Circles) -> np.ndarray:
     """Understeer gradient from 5.5 to 6.5 m/s2."""
     return circles.understeer(HIGH)
 
 
-@_circle_metric("deg/g")
-def steering_wheel_angle_gradient(circles: Circles) -> np.ndarray:
-    """Slope of the handwheel angle over the lateral acceleration."""
-    return circles.gradient(ANGLE)
+_steering_wheel_gradient("angle", "deg/g", ANGLE)
 
 
-@_circle_metric("deg/g")
-def steering_wheel_angle_gradient_at_6m_s2(circles: Circles) -> np.ndarray:
-    """Slope of the handwheel angle over the lateral acceleration from 5.5 to 6.5 m/s2."""
-    return circles.gradient(ANGLE, HIGH)
-
-
-@_circle_metric("deg/g")
+@_circle_metric("deg/g", *TESTS)
 def sideslip_gradient(circles: Circles) -> np.ndarray:
     """Slope of the sideslip angle over the lateral acceleration; negative where the nose points into the circle."""
     return circles.gradient(FilteredChannels.sideslip)
 
 
-@_circle_metric("deg/g")
+@_circle_metric("deg/g", *TESTS)
 def roll_gradient(circles: Circles) -> np.ndarray:
     """Slope of the roll angle over the lateral acceleration; positive where the body leans out of the circle."""
     return circles.gradient(ROLL)
 
 
-@_circle_metric("N m/g")
-def steering_wheel_torque_gradient(circles: Circles) -> np.ndarray:
-    """Slope of the handwheel torque over the lateral acceleration."""
-    return circles.gradient(TORQUE)
+_steering_wheel_gradient("torque", "N m/g", TORQUE)
 
 
-@_circle_metric("N m/g")
-def steering_wheel_torque_gradient_at_6m_s2(circles: Circles) -> np.ndarray:
-    """Slope of the handwheel torque over the lateral acceleration from 5.5 to 6.5 m/s2."""
-    return circles.gradient(TORQUE, HIGH)
-
-
-@_circle_metric("km/h")
+@_circle_metric("km/h", *TESTS)
 def characteristic_speed(circles: Circles) -> np.ndarray:
     """Speed at which an understeering car needs twice the angle of a neutral car: root of wheelbase over gradient."""
     return circles.signed_root(1.0)
 
 
-@_circle_metric("km/h")
+@_circle_metric("km/h", *TESTS)
 def critical_speed(circles: Circles) -> np.ndarray:
     """Speed above which an oversteering car is unstable: root of wheelbase over the size of the gradient."""
     return circles.signed_root(-1.0)
 
 
-@_circle_metric("g")
+@_circle_metric("g", *TESTS)
 def highest_lateral_acceleration(circles: Circles) -> Bounded:
     """Highest lateral acceleration of each circle as a mean over one second; the car may be capable of more.
 
