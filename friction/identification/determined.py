@@ -11,23 +11,19 @@ from numpy.typing import NDArray
 
 from steer_env.friction.identification.periods import period
 from steer_env.friction.identification.problem import Optimum, Problem, descended, refined, searched
-from steer_env.friction.identification.space import Space
+from steer_env.friction.identification.space import EDGE, Space
+from steer_env.friction.level import Level
 
-WIDEST = np.log(2.0)  # half the width of the interval of a logarithm that counts as determined [1]
-SHARE = 0.5  # half the width of the interval of another parameter, of its value [1] ...
-SMALL = 0.05  # ... or, where it is small, of its scale [1]
 FLOOR = 1e-3  # deviation of the residuals at least, of the level [1]: what noise-free records are judged by
 WORSE = 6.6  # growth of the sum of squares, in deviations squared: quantile of 99 % of chi square, one degree ...
 HARDLY = 0.02  # ... and of the residual at most [1]: residuals that last for long allow much growth
 FAR_OUT = 3.0  # of the scale of the loss: larger residuals say nothing of a parameter, as of a late reversal; assumed
-EDGE = 1e-3  # distance of a coordinate from the end of its range, within which it is at it [1]
 STARTS = 3  # of the search without a break-away ...
 BEYOND = 1.5  # ... of so many times the largest torque of the record, which does not show it then; assumed [1]
 STRETCHES = 10  # parts of a record without equal periods ...
 LEAST = 5  # ... or with fewer of them
 SPEEDS = 1.5  # over each other, of the 95th and the 5th percentile of the way: less is one speed; assumed [1]
 FAR = 20.0  # travels of the record, after which a law slides; assumed [1]
-AT_END = 1e-3  # of the logarithm of a yield [1]
 ROUNDING = 1e-6  # deviation of the residuals that an interval allows for at least, of the level; assumed [1]
 DAMPING = "N m s/rad"
 SIZE = 1.96  # deviations of the normal distribution: 95 %
@@ -41,6 +37,17 @@ class Estimate(NamedTuple):
     optimum: Optimum
     undetermined: list[str]  # of which the space still has those without which the fit is worse
     shift: NDArray[np.float64] | None = None  # of the coordinates, by which noise of x had moved them [1]
+
+    @property
+    def level(self) -> Level:
+        """In the record's scales."""
+        return self.space.level(self.optimum.q[: self.space.size])
+
+    @property
+    def beside_level(self) -> NDArray[np.float64]:
+        """Derivatives of the residuals by all that is no field of the level."""
+        of_level = np.flatnonzero([s.of_level for s in self.space.sought])
+        return np.delete(self.optimum.jacobian, of_level, axis=1)
 
     @property
     def factors(self) -> NDArray[np.float64]:
@@ -179,10 +186,8 @@ def _spared(
     """What is left where all have gone that may, with how wide it is; adds to the names of what has gone."""
     stays: set[str] = set()
     while True:
-        half = _half_widths(optimum, FLOOR)
-        excess = {
-            s.name: _excess(s.logarithmic, q, h) for s, q, h in zip(space.sought, optimum.q.tolist(), half.tolist())
-        }
+        half = half_widths(optimum.jacobian, optimum.residual, np.eye(optimum.q.size), FLOOR)
+        excess = {s.name: s.excess(q, h) for s, q, h in zip(space.sought, optimum.q.tolist(), half.tolist())}
         squares = float(np.mean(optimum.residual**2))
         if all(each <= 1.0 for each in excess.values()) and squares > problem.own**2:
             break
@@ -205,21 +210,13 @@ def _beyond(problem: Problem, space: Space, optimum: Optimum, excess: dict[str, 
     """A break-away that the record neither determines nor shows: ``BEYOND`` times its largest torque; None without."""
     n = space.size
     values = space.values(optimum.q[:n])
-    shown = np.abs(problem.torque - problem.columns @ optimum.q[n:])[problem.weighed] / problem.levels[problem.weighed]
+    levels = problem.at(space.level(optimum.q[:n])).levels
+    shown = (np.abs(problem.torque - problem.columns @ optimum.q[n:]) / levels)[problem.weighed]
     for s, q in zip(space.sought, optimum.q.tolist()):
         unsure = excess[s.name] > 1.0 or q > s.highest - EDGE
         if s.base is not None and unsure and values[s.name] > BEYOND * float(np.max(shown)):
             return s.name
     return None
-
-
-def _excess(logarithmic: bool, q: float, half: float) -> float:
-    """Half the width of an interval over the largest that counts as determined [1]."""
-    return half / WIDEST if logarithmic else half / max(SHARE * abs(q), SMALL)
-
-
-def _half_widths(optimum: Optimum, floor: float) -> NDArray[np.float64]:
-    return half_widths(optimum.jacobian, optimum.residual, np.eye(optimum.q.size), floor)
 
 
 def _without(problem: Problem, space: Space, optimum: Optimum, name: str) -> tuple[Space, Optimum] | None:
@@ -264,7 +261,7 @@ def intervals_of(problem: Problem, estimate: Estimate) -> dict[str, tuple[float,
                 rows[i] += level_row(estimate)  # the base is their sum
     result = {}
     for s, h in zip(space.sought, widths(problem, estimate, rows).tolist()):
-        if s.name in estimate.undetermined:
+        if s.of_level or s.name in estimate.undetermined:
             continue
         value = float(getattr(estimate.parameters, s.name))
         if s.logarithmic or s.base is not None:
@@ -272,6 +269,13 @@ def intervals_of(problem: Problem, estimate: Estimate) -> dict[str, tuple[float,
         else:
             result[s.name] = (max(value - h, 0.0) if s.bounded else value - h, value + h)
     return result
+
+
+def half_widths_of_level(estimate: Estimate) -> dict[str, float]:
+    """Half the widths of the 95 % intervals of what is sought of the level (F35), in the record's scales."""
+    end = estimate.optimum
+    half = half_widths(end.jacobian, end.weakened, np.eye(end.q.size), FLOOR)
+    return {s.name: h for s, h in zip(estimate.space.sought, half.tolist()) if s.of_level}
 
 
 def level_row(estimate: Estimate) -> NDArray[np.float64]:
@@ -300,7 +304,7 @@ def widths(problem: Problem, estimate: Estimate, rows: NDArray) -> NDArray[np.fl
     n = int((at[-1] + 1 - at[0]) // length)  # whole ones
     space, q = estimate.space, optimum.q[: estimate.space.size]
     free = np.ones(optimum.q.size, bool)  # but for yields and slopes of sliders at their ends, which stay there
-    free[len(space.sought) : q.size] = (np.minimum(space.highest - q, q - space.lowest) > AT_END)[len(space.sought) :]
+    free[len(space.sought) : q.size] = (np.minimum(space.highest - q, q - space.lowest) > EDGE)[len(space.sought) :]
     J, e, rows = optimum.jacobian[:, free], optimum.weakened, rows[:, free]
     parts = [(J[block == b], e[block == b]) for b in range(n)]
     steps = np.array([(1 - n) * np.linalg.pinv(J.T @ J - K.T @ K) @ (K.T @ r) for K, r in parts])  # (F37)

@@ -10,32 +10,40 @@ from numpy.typing import ArrayLike, NDArray
 from steer_env.friction.identification.branches import BAND as SWING
 from steer_env.friction.identification.branches import Branches, branches_of, stiffness_of, weighed_of
 from steer_env.friction.identification.determined import (
-    WIDEST,
     Estimate,
     determined,
     far_slide,
+    half_widths_of_level,
     intervals_of,
     level_row,
     widths,
 )
 from steer_env.friction.identification.displacement import BAND, deviation_of, motion_of
 from steer_env.friction.identification.elements import at_ends, elements_of, stroke_of, yields_late
-from steer_env.friction.identification.position import FITTED, NAMES, Position, with_position
-from steer_env.friction.identification.position import joint as joint_with_position
-from steer_env.friction.identification.position import told as told_of_position
+from steer_env.friction.identification.position import FITTED, Position, judged, told, with_position
 from steer_env.friction.identification.problem import Problem, searched, weakened
 from steer_env.friction.identification.quality import MATTERS, by_noise, noisy_again, own_noise, refuse
-from steer_env.friction.identification.rate import Rate, joint, told, with_rate
 from steer_env.friction.identification.record import Record, checked
-from steer_env.friction.identification.remarks import remarks
+from steer_env.friction.identification.remarks import remarks, told_of_load
 from steer_env.friction.identification.scales import Scales, scaled
-from steer_env.friction.identification.space import Space, checked_space, sought_of, space_of, within_law
+from steer_env.friction.identification.space import (
+    WIDEST,
+    Sought,
+    Space,
+    checked_space,
+    sought_of,
+    space_of,
+    within_law,
+)
 from steer_env.friction.law import Law, Sliders, law_of, make
 from steer_env.friction.level import Level
 from steer_env.friction.numerics import shown
 from steer_env.friction.numerics.check import number, positive, whole
 
 STEP = 1e-5  # of a coordinate, for the derivative of the saturated torque [1]
+NONE = 1e-4  # growth of the level that is none [1]
+HEAVIEST = 20.0  # growth of the level with the load, over the level without, at the mean load [1]
+LOAD = Sought("load", False, None, 0.5, 0.0, HEAVIEST, 0.0, of_level=True)  # c_F of (F38), over the mean load
 
 Bound = float | NDArray[np.float64]  # an array for a curve
 
@@ -285,28 +293,21 @@ def _acceleration(x: NDArray, dt: float) -> NDArray[np.float64]:
 
 def fitted(ready: Prepared, law: Law, options: Options) -> Fit:
     """One law on a record that is ready; see :func:`fit`."""
-    problem = _problem(ready, law)
-    load, rate = None if ready.record.load is None else np.abs(ready.record.load), Rate()
-    few, position, before = options._replace(starts=1, global_search=False), None, None
+    problem, position = _problem(ready, law), None
 
-    def again(each: Problem) -> Estimate:
-        nonlocal before
-        before = _estimated(ready, law, each, few, before)
-        return before
+    def estimated(of_level: tuple[Sought, ...], given: Level) -> Estimate:
+        there = problem.at(given._replace(**{s.name: s.start for s in of_level}))
+        space = _space(there, law, scaled(law, options.fixed, ready.scales)).beside(of_level, given)
+        optimum = searched(problem, space, options.starts, options.seed, options.global_search)
+        return determined(problem, space, optimum)
 
-    if load is not None and np.ptp(load) > 0.0:
-        load = load / float(np.mean(load))
-        problem, rate = with_rate(problem, law, load, again)
-    elif options.order is not None and not (isinstance(law.fitted, Sliders) and law.fitted.by_position):
+    estimate = estimated((LOAD,) if np.any(problem.load) else (), Level())
+    if estimate.level.load and estimate.space.sliders:  # as many as there are at the level that was found
+        estimate = estimated((LOAD._replace(start=estimate.level.load),), Level())
+    if options.order is not None and not estimate.space.sloped:
         order = None if options.order == FITTED else float(options.order) * ready.scales.displacement
-        problem, position = with_position(problem, law, order, lambda each: (each, again(each)))
-    estimate = _estimated(ready, law, problem, options)
-    if load is not None and rate.joint:
-        problem, estimate = joint(problem, law, load, rate, estimate)
-    if position is not None and position.b:
-        problem, estimate = joint_with_position(problem, law, position, estimate)
-    estimate = _unbiased(ready, law, problem, estimate)
-    return _told(ready, law, problem, estimate, rate, position)
+        estimate, position = with_position(problem, law, order, estimate, estimated)
+    return _told(ready, law, problem, _unbiased(ready, law, problem, estimate), position)
 
 
 def _unbiased(ready: Prepared, law: Law, problem: Problem, estimate: Estimate) -> Estimate:
@@ -321,7 +322,7 @@ def _unbiased(ready: Prepared, law: Law, problem: Problem, estimate: Estimate) -
 
     def torque_of(x: NDArray) -> NDArray[np.float64]:
         moved = problem._replace(x=_rounded((x - ready.record.x[0]) / ready.scales.displacement))
-        return moved.response(law, estimate.parameters)[problem.weighed]
+        return moved.at(estimate.level).response(law, estimate.parameters)[problem.weighed]
 
     here = torque_of(ready.record.x)
     left = np.mean([weakened(torque_of(x) - here, end.loss_scale) for x in ready.again], axis=0)
@@ -337,6 +338,7 @@ def _problem(ready: Prepared, law: Law) -> Problem:
     remembers = law.memory_size(law.make()) > 0
     x = _rounded((record.x - record.x[0]) / scales.displacement)
     dt = float(f"{record.dt / scales.time:.10g}")
+    load = np.zeros(x.size) if record.load is None or not np.ptp(np.abs(record.load)) > 0.0 else np.abs(record.load)
     columns = [] if ready.branches.one_way else [np.ones(x.size)]  # one way, friction is an offset too
     if ready.inertia is None:
         columns.append(_acceleration(x, dt))
@@ -344,6 +346,7 @@ def _problem(ready: Prepared, law: Law) -> Problem:
         x,
         _rounded(record.torque / scales.torque),
         dt,
+        load / (float(np.mean(load)) or 1.0),
         np.ones(x.size),
         weighed_of(record.x, ready.branches, remembers),
         np.column_stack(columns) if columns else np.zeros((x.size, 0)),
@@ -356,17 +359,9 @@ def _rounded(values: NDArray) -> NDArray[np.float64]:
     return np.round(values * 2.0**30) / 2.0**30
 
 
-def _estimated(
-    ready: Prepared, law: Law, problem: Problem, options: Options, before: Estimate | None = None
-) -> Estimate:
-    """What a law makes of a problem; with as many sliders as ``before``, from which the search then begins."""
-    if before is not None and before.space.sliders:
-        space = before.space._replace(inside=before.optimum.q[: before.space.size])
-        return determined(problem, space, searched(problem, space, 1, options.seed, False))
-    held = scaled(law, options.fixed, ready.scales)
-    space = _of_sliders(problem, law, held) if isinstance(law.fitted, Sliders) else space_of(law, held)
-    optimum = searched(problem, space, options.starts, options.seed, options.global_search)
-    return determined(problem, space, optimum)
+def _space(problem: Problem, law: Law, held: Mapping[str, float]) -> Space:
+    """The space of a law, with where the search begins."""
+    return _of_sliders(problem, law, held) if isinstance(law.fitted, Sliders) else space_of(law, held)
 
 
 def _of_sliders(problem: Problem, law: Law, held: Mapping[str, float]) -> Space:
@@ -395,7 +390,6 @@ def _told(
     law: Law,
     problem: Problem,
     estimate: Estimate,
-    rate: Rate,
     position: Position | None,
 ) -> Fit:
     """The estimate in the units of the record, with intervals and warnings."""
@@ -423,9 +417,6 @@ def _told(
             (estimate.factors * scales.torque).tolist(),
         )
     )
-    mean = 1.0 if ready.record.load is None else float(np.mean(np.abs(ready.record.load)))
-    if not math.isnan(rate.half) and (rate.joint or not rate.undetermined):
-        intervals["load"] = max(rate.value - rate.half, 0.0) / mean, (rate.value + rate.half) / mean
     result = Fit(
         law.name,
         parameters,
@@ -433,8 +424,7 @@ def _told(
         factors.get("offset", 0.0),
         residual,
         (),
-        level=Level(load=rate.value / mean) if rate.value else None,
-        undetermined=tuple(estimate.undetermined),
+        undetermined=tuple(name for name in estimate.undetermined if name in law.units),
         explained=1.0 - residual**2 / variance if variance else 0.0,
         inertia=factors.get("inertia", 0.0) * scales.time**2 / scales.displacement + (ready.inertia or 0.0),
         limits=limits,
@@ -446,11 +436,9 @@ def _told(
         warnings=(
             *(at_ends(problem, *estimate.slid[:2]) if estimate.space.sliders else []),
             *remarks(result, ready, law, estimate.optimum),
-            *told(rate),
         ),
-        undetermined=result.undetermined + ("load",) * rate.undetermined,
     )
-    return result if position is None else _by_position(ready, position, result)
+    return _with_level(ready, problem, estimate, position, result)
 
 
 def _asymmetry(ready: Prepared, problem: Problem, estimate: Estimate, found: Fit) -> tuple[float, float, float]:
@@ -463,23 +451,29 @@ def _asymmetry(ready: Prepared, problem: Problem, estimate: Estimate, found: Fit
     return found.offset / level, (found.offset - half) / level, (found.offset + half) / level
 
 
-def _by_position(ready: Prepared, position: Position, found: Fit) -> Fit:
-    """A fit with its level over the position, in the units of the record."""
-    warnings = (*found.warnings, *told_of_position(position))
-    if not position.b:
-        return found._replace(warnings=warnings)
-    x, first = ready.scales.displacement, float(ready.record.x[0])
-    units = {"position": (1.0, 0.0), "peak": (x, first), "order": (1.0 / x, 0.0)}
-    ends = zip(NAMES, position.intervals)
+def _with_level(ready: Prepared, problem: Problem, estimate: Estimate, position: Position | None, found: Fit) -> Fit:
+    """A fit with what it tells of its level, in the units of the record."""
+    level, x, first = estimate.level, ready.scales.displacement, float(ready.record.x[0])
+    mean = 1.0 if ready.record.load is None else float(np.mean(np.abs(ready.record.load)))
+
+    def back(each: Level) -> Level:
+        if position is None:
+            return Level(load=each.load / mean)
+        return Level(position=each.position, order=each.order / x, peak=first + each.peak * x)
+
+    own = {name: (max(level.load - h, 0.0), level.load + h) for name, h in half_widths_of_level(estimate).items()}
+    undetermined = tuple(name for name in estimate.undetermined if name in Level._fields)
+    warnings = told_of_load(problem, estimate) if np.any(problem.load) else []
+    if position is not None:
+        own, undetermined = judged(position, level)
+        warnings = told(position, level, undetermined)
+    for name, ends in own.items():
+        low, high = (float(getattr(back(level._replace(**{name: end})), name)) for end in ends)
+        found.intervals[name] = low, high
     return found._replace(
-        level=Level(position=position.b, order=position.order / x, peak=first + position.peak * x),
-        intervals=found.intervals
-        | {
-            name: (units[name][0] * low + units[name][1], units[name][0] * high + units[name][1])
-            for name, (low, high) in ends
-        },
-        undetermined=found.undetermined + position.undetermined,
-        warnings=warnings,
+        level=back(level) if level.load > NONE or level.position else None,
+        undetermined=found.undetermined + undetermined,
+        warnings=(*found.warnings, *warnings),
     )
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from steer_env.friction.identification.space import Space
 from steer_env.friction.law import Law
+from steer_env.friction.level import Level
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.response import follow
 
@@ -26,6 +27,7 @@ class Problem(NamedTuple):
     x: NDArray[np.float64]  # displacement [1]
     torque: NDArray[np.float64]  # [1]
     dt: float  # time between samples [1]
+    load: NDArray[np.float64]  # over its mean; 0 where none is known [1]
     levels: NDArray[np.float64]  # factor on the saturated friction at each sample [1]
     weighed: NDArray[np.bool_]  # the samples that count
     columns: NDArray[np.float64]  # (T, K) what adds to the torque in proportion: offset, acceleration [1]
@@ -34,8 +36,13 @@ class Problem(NamedTuple):
     def thinned(self) -> "Problem":
         """Every so manieth sample, so that about ``COARSE`` are left, for a search that only has to come near."""
         k = max(self.x.size // COARSE, 1)
-        part = self._replace(x=self.x[::k], torque=self.torque[::k], dt=self.dt * k, levels=self.levels[::k])
-        return part._replace(weighed=self.weighed[::k], columns=self.columns[::k])
+        part = self._replace(x=self.x[::k], torque=self.torque[::k], dt=self.dt * k, load=self.load[::k])
+        return part._replace(levels=self.levels[::k], weighed=self.weighed[::k], columns=self.columns[::k])
+
+    def at(self, level: Level) -> "Problem":
+        """With this level, in the record's scales."""
+        wave = level.position * np.cos(level.order * (self.x - level.peak))
+        return self._replace(levels=(1.0 + level.load * self.load) * (1.0 + wave))  # (F38), (F42)
 
     def response(self, law: Law, parameters: Any) -> NDArray[np.float64]:
         """Torque of the law along the record [1]."""
@@ -74,7 +81,7 @@ def residuals(problem: Problem, space: Space, q: NDArray, prior: float) -> NDArr
     """
     n = space.size
     parameters, outside = space.made(q[:n])
-    model = problem.response(space.law, parameters) + problem.columns @ q[n:]
+    model = problem.at(space.level(q[:n])).response(space.law, parameters) + problem.columns @ q[n:]
     e = np.nan_to_num(model - problem.torque, nan=1e6, posinf=1e6, neginf=-1e6)[problem.weighed]  # (F31)
     return np.concatenate([e, [PENALTY * math.sqrt(e.size) * outside], prior * (q[:n] - space.start)])
 

@@ -4,12 +4,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from steer_env.friction.identification.determined import half_widths
-from steer_env.friction.identification.problem import Optimum
+from steer_env.friction.identification.determined import FLOOR, Estimate, half_widths
+from steer_env.friction.identification.problem import Optimum, Problem
 from steer_env.friction.identification.quality import DRIFT, MATTERS, clipped
 from steer_env.friction.identification.scales import scaled
-from steer_env.friction.identification.space import Space, sought_of
+from steer_env.friction.identification.space import EDGE, Space, sought_of
 from steer_env.friction.law import Law
+from steer_env.friction.level import Level
 
 if TYPE_CHECKING:
     from steer_env.friction.identification.fit import Fit, Prepared
@@ -19,8 +20,8 @@ DOMINANT = 0.1  # noise of x, of the length over which the torque follows a reve
 SHORT = 5.0  # steps between samples, within which the torque follows a reversal [1]
 SLOW = 6  # cosines that a zero may wander along, of half a period to three in the record; one for two branches at most
 WANDERS = 0.5  # of the sum of squares, that they must leave less than; assumed [1]
-END = 1e-3  # distance of a coordinate from the end of its range, at which it is told [1]
-SURE = 2.0  # drift over half its interval [1]
+SURE = 2.0  # drift, or fall with the load, over half its interval [1]
+DIFFERENCE = 1e-4  # of the level, for its derivative by the load [1]
 
 
 def remarks(found: "Fit", ready: "Prepared", law: Law, optimum: Optimum) -> tuple[str, ...]:
@@ -58,8 +59,8 @@ def _bounds(found: "Fit", ready: "Prepared", law: Law) -> list[str]:
     q = space.coordinates(law.parameters(**scaled(law, values, scales)))
     texts = []
     for s, each in zip(space.sought, q.tolist()):
-        if each > s.highest - END or (not s.bounded and each < s.lowest + END):
-            side = "largest" if each > s.highest - END else "least"
+        if each > s.highest - EDGE or (not s.bounded and each < s.lowest + EDGE):
+            side = "largest" if each > s.highest - EDGE else "least"
             limit = f" ({1.0 + s.highest:g} {s.base})" if s.base else ""
             end = f"ends at the {side} value of the search{limit}"
             texts.append(f"{_value(found, s.name)} {end}: give it with fixed=, or try another law")
@@ -146,3 +147,27 @@ def _wandering(optimum: Optimum, ready: "Prepared") -> list[str]:
             f"the zero of the torque drifts by {drift * level:.3g} over the record: subtract it, or fit shorter parts"
         ]
     return []
+
+
+def told_of_load(problem: Problem, estimate: Estimate) -> list[str]:
+    """What is told of the growth of the level with a load (F38)."""
+    load, end = estimate.level.load, estimate.optimum
+    if "load" not in estimate.undetermined and load > EDGE:
+        return []
+    levels = [Level(load=load), Level(load=load + DIFFERENCE)]
+    ends = [problem.at(each).response(estimate.space.law, estimate.parameters) for each in levels]
+    column = end.weight * (ends[1] - ends[0])[problem.weighed] / DIFFERENCE
+    J = np.column_stack([estimate.beside_level, column])
+    change = np.linalg.lstsq(J, -end.weakened, rcond=None)[0]
+    half = float(half_widths(J, end.weakened + J @ change, np.eye(change.size)[-1:], FLOOR)[0])
+    if change[-1] < -SURE * half:
+        return [
+            "the friction falls with the load, which the level does not describe (its rate stands at its bound 0): "
+            "check the load's channel, or fit parts of equal load"
+        ]
+    if "load" in estimate.undetermined:
+        kept = f"kept at {load:.3g} of the level at the mean load" if load else "taken as none"
+        return [f"the record does not determine the influence of the load: {kept}; record loads that differ more"]
+    return [
+        f"the record shows no growth of the friction with the load (at most {half:.2g} of the level at the mean load)"
+    ]

@@ -10,10 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.friction.law import Law, Sliders
+from steer_env.friction.level import Level
 
 REACH = math.log(1e6)  # of a logarithm about its start [1]
+EDGE = 1e-3  # distance of a coordinate from the end of its range, within which it is at it [1]
 NEAR = 1e-3  # change of a coordinate that shows an edge of what the law allows [1]
 HALVINGS = 60  # of a way to a bound of the law
+SHARE = 0.5  # half the width of the interval of a coordinate that counts as determined, of its value [1] ...
+SMALL = 0.05  # ... or, where it is small, of its scale [1]
+WIDEST = math.log(2.0)  # of a logarithm [1]
 LARGEST = 9.0  # relative excess: a break-away of ten times the sliding torque; assumed [1]
 
 
@@ -31,6 +36,8 @@ class Sought(NamedTuple):
     lowest: float  # of the coordinate: 0 where it may not be negative [1]
     highest: float  # of the coordinate [1]
     neutral: float | None  # coordinate without effect; None: the law derives the parameter from the others [1]
+    of_level: bool = False  # whether it is a field of the level and no parameter of the law
+    small: float = SMALL  # half the width of its interval that counts as determined, whatever its value [1]
 
     @property
     def bounded(self) -> bool:
@@ -41,6 +48,10 @@ class Sought(NamedTuple):
     def spare(self) -> bool:
         """Whether the law does without it."""
         return self.neutral is None or (self.neutral == 0.0 and not self.logarithmic)
+
+    def excess(self, q: float, half: float) -> float:
+        """Half the width of an interval over the largest that counts as determined [1]."""
+        return half / WIDEST if self.logarithmic else half / max(SHARE * abs(q), self.small)
 
 
 def sought_of(law: Law, given: Mapping[str, Any]) -> tuple[Sought, ...]:
@@ -157,6 +168,7 @@ class Space(NamedTuple):
     relaxed: bool = False  # whether sets count that the kernels take and the constructor refuses
     sliders: int = 0  # in parallel, whose coordinates stand after those of ``sought``: see :meth:`slid`
     stroke: NDArray[np.float64] | None = None  # (2,) its ends, of sliders [1]
+    given: Level = Level()  # fields of the level that are not sought, in the record's scales
 
     @property
     def lowest(self) -> NDArray[np.float64]:
@@ -188,10 +200,19 @@ class Space(NamedTuple):
         if self.sliders:
             ends = (self.stroke,) if self.sloped else ()
             values = {**self.law.fitted.made(*self.slid(q), *ends)._asdict(), **values}  # type: ignore[union-attr]
-        pairs = list(zip(self.sought, q.tolist()))
+        pairs = [(s, v) for s, v in zip(self.sought, q.tolist()) if not s.of_level]
         values |= {s.name: math.exp(min(v, 300.0)) if s.logarithmic else v for s, v in pairs if s.base is None}
         excesses = {s.name: (s.base, v) for s, v in pairs if s.base is not None} | dict(self.tied)
         return values | {name: values[base] * (1.0 + v) for name, (base, v) in excesses.items()}
+
+    def level(self, q: NDArray) -> Level:
+        """The level, in the record's scales."""
+        return self.given._replace(**{s.name: v for s, v in zip(self.sought, q.tolist()) if s.of_level})
+
+    def beside(self, of_level: tuple[Sought, ...], given: Level) -> "Space":
+        """The space with fields of the level that are sought too, before the others; they change no set of the law."""
+        start, inside = (np.append([s.start for s in of_level], each) for each in (self.start, self.inside))
+        return self._replace(sought=(*of_level, *self.sought), start=start, inside=inside, given=given)
 
     @property
     def size(self) -> int:
@@ -266,7 +287,7 @@ class Space(NamedTuple):
         s, held, tied = self.sought[i], dict(self.held), dict(self.tied)
         if coordinate is not None and s.base is not None:
             tied[name] = (s.base, coordinate)
-        elif coordinate is not None:
+        elif coordinate is not None and not s.of_level:
             held[name] = math.exp(coordinate) if s.logarithmic else coordinate
         keep = np.delete(np.arange(q.size), i)
         near = np.where((self.lowest == 0.0)[keep], np.maximum(q[keep], 0.01), q[keep])
