@@ -99,7 +99,9 @@ def with_position(
         return estimate, Position(free, most=wave.level.position + wave.half)
 
     def again(level: Level, free: bool) -> Estimate:
-        """With what the record determines of the law at the same level everywhere."""
+        """The law with this level; sliders are those found at the same level everywhere."""
+        if not estimate.space.sliders:
+            return estimated(*_start(level, free))
         space = estimate.space._replace(inside=estimate.optimum.q[: estimate.space.size])
         space = space.beside(*_start(level, free))
         return determined(problem, space, searched(problem, space, 1, 0, False))
@@ -120,7 +122,8 @@ def with_position(
             longer = again(waves[np.argmin(alike) - 1].level, False)
             found = longer if _left(longer) <= (1.0 + HARDLY) ** 2 * left else found
     half = half_widths_of_level(found)
-    found = estimated(*_start(found.level, "order" in half))  # again with all parameters of the law
+    if estimate.space.sliders:  # as many as there are at the level that was found
+        found = estimated(*_start(found.level, "order" in half))
     return found, Position(free, half, tuple(near), (ends[0], ends.mean(), ends[1]))
 
 

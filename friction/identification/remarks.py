@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from steer_env.friction.identification.determined import FLOOR, Estimate, half_widths
 from steer_env.friction.identification.problem import Optimum, Problem
@@ -130,10 +131,7 @@ def _wandering(optimum: Optimum, ready: "Prepared") -> list[str]:
     """
     level, branches = ready.scales.torque, len(ready.branches.saturated) - ready.branches.first
     e, way = optimum.weakened, np.linspace(-0.5, 0.5, optimum.residual.size)
-    A = np.column_stack([optimum.jacobian, way])
-    change = np.linalg.lstsq(A, -e, rcond=None)[0]
-    left = e + A @ change
-    drift, half = float(change[-1]), float(half_widths(A, left, np.eye(change.size)[-1:])[0])
+    drift, half, left = _beside(optimum.jacobian, way, e)
     slow = np.column_stack([way, np.cos(np.pi * np.outer(way + 0.5, np.arange(min(SLOW, branches // 2) + 1)))])
     zero = slow @ np.linalg.lstsq(slow, e, rcond=None)[0]
     over = float(np.ptp(zero))
@@ -149,6 +147,14 @@ def _wandering(optimum: Optimum, ready: "Prepared") -> list[str]:
     return []
 
 
+def _beside(J: NDArray, column: NDArray, e: NDArray, floor: float = 0.0) -> tuple[float, float, NDArray]:
+    """One more number in a linear step, half the width of its interval (F35), and what the step leaves."""
+    A = np.column_stack([J, column])
+    change = np.linalg.lstsq(A, -e, rcond=None)[0]
+    left = e + A @ change
+    return float(change[-1]), float(half_widths(A, left, np.eye(change.size)[-1:], floor)[0]), left
+
+
 def told_of_load(problem: Problem, estimate: Estimate) -> list[str]:
     """What is told of the growth of the level with a load (F38)."""
     load, end = estimate.level.load, estimate.optimum
@@ -157,10 +163,8 @@ def told_of_load(problem: Problem, estimate: Estimate) -> list[str]:
     levels = [Level(load=load), Level(load=load + DIFFERENCE)]
     ends = [problem.at(each).response(estimate.space.law, estimate.parameters) for each in levels]
     column = end.weight * (ends[1] - ends[0])[problem.weighed] / DIFFERENCE
-    J = np.column_stack([estimate.beside_level, column])
-    change = np.linalg.lstsq(J, -end.weakened, rcond=None)[0]
-    half = float(half_widths(J, end.weakened + J @ change, np.eye(change.size)[-1:], FLOOR)[0])
-    if change[-1] < -SURE * half:
+    change, half, _ = _beside(estimate.beside_level, column, end.weakened, FLOOR)
+    if change < -SURE * half:
         return [
             "the friction falls with the load, which the level does not describe (its rate stands at its bound 0): "
             "check the load's channel, or fit parts of equal load"
