@@ -20,9 +20,10 @@ from steer_env.experiments.pages.files import replaced_directory
 from steer_env.experiments.pages.metrics_json import entries
 from steer_env.experiments.pages.pages import Page, image, place
 from steer_env.experiments.pages.words import label, listed, number, percent
-from steer_env.experiments.studies.common import battery, comparison_power, simulation_vs_measurement
+from steer_env.experiments.studies.common import battery, comparison_power, explanation, simulation_vs_measurement
 from steer_env.experiments.studies.common.battery import MATTERS
 from steer_env.experiments.studies.common.comparison_power import Power
+from steer_env.experiments.studies.common.explanation import Explanation
 from steer_env.metrics import RefusedError, Value
 from steer_env.metrics.common import frequency_response, just_noticeable
 from steer_env.recording import driven
@@ -54,12 +55,13 @@ def verdict(found: "Assessment") -> str:
 
 def _agreement(found: "Assessment") -> str:
     reference, other = found.values
+    if found.nearest:
+        return explanation.verdict(found.nearest)
     if found.power is None:
-        missed = [pair for pair in found.pairs if not simulation_vs_measurement.passes([pair])]
-        worst = max(missed, key=lambda pair: pair.worst)
+        worst = max(found.pairs, key=lambda pair: pair.worst)
         return (
-            f"{other} does not agree with {reference}: {len(missed)} of {len(found.pairs)} cross plots leave the "
-            f"tolerances, {label(worst.y)} over {label(worst.x)} by up to {number(worst.worst, 2)} tolerances."
+            f"{other} does not agree with {reference}, in {label(worst.y)} over {label(worst.x)} by up to "
+            f"{number(worst.worst, 2)} tolerances; what would explain it is unknown."
         )
     said = f"Within the tolerances {other} agrees with {reference} in this {found.test}"
     if found.power.unknown:
@@ -174,6 +176,8 @@ class Assessment(NamedTuple):
     parameters: list[tuple[str, list[Any]]] | None  # that differ, as of :func:`differing`
     pairs: list[simulation_vs_measurement.Pair]  # cross plots with boundaries, the first recording being the reference
     power: Power | None  # what the comparison would have shown, where the curves agree
+    nearest: Explanation | None  # what would explain the difference, where they do not
+    unexplained: str  # why that is unknown, in words
     allowed: Mapping[str, simulation_vs_measurement.Tolerance]  # by channel, that the boundaries are made of
     curves: dict[str, simulation_vs_measurement.Curves]
     zeros: dict[str, list[str]]  # what is known of the sensors' zeros in cross plots over time, in sentences
@@ -242,12 +246,17 @@ def assess(
             curves[name] = simulation_vs_measurement.curves(recording, evaluation, **given)
         except RefusedError:
             continue  # the metrics give the reason
-    pairs, power = [], None
+    pairs, power, nearest, unexplained = [], None, None, ""
     if allowed:
         reference, other = recordings.values()
         pairs = simulation_vs_measurement.compare(reference, other, evaluation.name, allowed, **given)
         if simulation_vs_measurement.passes(pairs):
             power = comparison_power.power(other, evaluation.name, allowed, frozenset(reference.channels), **given)
+        else:
+            try:
+                nearest = explanation.explain(reference, other, evaluation.name, allowed, **given)
+            except (ValueError, RefusedError) as error:
+                unexplained = str(error)
     return Assessment(
         test=evaluation.name,
         values=values,
@@ -259,6 +268,8 @@ def assess(
         parameters=differing(recordings) if compare and others else None,
         pairs=pairs,
         power=power,
+        nearest=nearest,
+        unexplained=unexplained,
         allowed=allowed or {},
         curves=curves,
         zeros={
@@ -319,6 +330,7 @@ def as_json(found: Assessment) -> dict[str, Any]:
         "broken": dict(found.broken),
         "power": found.power
         and {**comparison_power.as_json(found.power), "in_words": comparison_power.in_words(found.power)},
+        "explanation": found.nearest and explanation.as_json(found.nearest),
         "cross_plots": [{"x": p.x, "y": p.y, "inside": p.inside, "worst": p.worst} for p in found.pairs],
         "zeros": found.zeros,
         "version": metadata.version("steer-env"),
@@ -354,6 +366,13 @@ def _off(found: Assessment) -> list[tuple[str, targets.Band]]:
     """Metrics of the only recording that are not in their good bands."""
     (ratings,) = found.ratings.values()
     return [(name, found.bands[name]) for name, r in ratings.items() if r and r.colour != targets.COLOURS[0]]
+
+
+def _unknown(found: Assessment) -> str:
+    """What validate cannot tell, in a sentence."""
+    if found.unexplained:
+        return f"What would explain the difference is unknown: {found.unexplained}."
+    return comparison_power.in_words(found.power) if found.power and found.power.unknown else ""
 
 
 def _picture(found: Assessment, drawn: Sequence[plots.Panel], limits: Sequence[plots.Panel], full: bool) -> str:
@@ -413,7 +432,9 @@ def page_of(
         "title": title(found),
         "verdict": verdict(found),
         "thinned": [label for label in labels if label in found.simulated and _step(recordings[label]) > STEP],
-        "unknown": comparison_power.in_words(found.power) if found.power and found.power.unknown else "",
+        "unknown": _unknown(found),
+        "nearest": found.nearest and explanation,
+        "gained": [*zip(found.pairs, found.nearest.pairs)] if found.nearest else [],
         "largest": largest(found),
         "caption": _caption(found),
         "picture": _picture(found, drawn, limits, full),

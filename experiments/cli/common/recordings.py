@@ -3,6 +3,7 @@
 import argparse
 import json
 import math
+import shlex
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import Any
 from steer_env.experiments.cli.common import inputs, names, options
 from steer_env.experiments.cli.common.extras import require_format
 from steer_env.experiments.cli.common.options import KPH
+from steer_env.experiments.cli.common.sweeping import unswept
 from steer_env.experiments.pages.options import progress
 from steer_env.friction.numerics.check import number
 
@@ -105,6 +107,8 @@ def assess(given: list[str], args: argparse.Namespace, tolerances: str | None, c
         )._replace(broken=broken)
     agree = not found.pairs or simulation_vs_measurement.passes(found.pairs)
     _print(found, agree, tolerances)
+    if getattr(args, "suggest", None):
+        _suggest(found, args)
     if args.out:
         out = args.out
         assessment.write(out, found, recordings, _trace(args, places, out.name), args.full)
@@ -134,7 +138,10 @@ def _read_all(
     found, broken = dict[str, Any](), dict[str, str]()
     for label, path in paths.items():
         try:
-            found[label] = _read(path, places[label], args)
+            measured = next(iter(found.values()), None)
+            found[label] = (
+                _driven(path, measured, args) if _car(path) and measured else _read(path, places[label], args)
+            )
         except (ValueError, OSError) as error:
             if len(paths) == least:
                 raise
@@ -145,10 +152,49 @@ def _read_all(
     return found, broken
 
 
+def _car(path: str) -> bool:
+    """Whether a file is that of a car, and not a recording."""
+    return Path(path).suffix in (".toml", ".json")
+
+
+def _driven(path: str, measured: Any, args: argparse.Namespace) -> Any:
+    """The recording of a car that is driven as another one was."""
+    from steer_env import metrics
+    from steer_env.experiments.studies.common import explanation
+    from steer_env.vehicle import cars
+
+    car = cars.load(path)
+    law = options.friction(args, car).parameters
+    test = metrics.evaluation_of(measured, args.manoeuvre).name
+    return explanation.driven_as(measured, explanation.Setting(car, law), test, **_conditions(args))
+
+
+def _suggest(found: Any, args: argparse.Namespace) -> None:
+    """Write the car of the nearest explanation, with its friction beside it, and print how to validate it."""
+    from steer_env import friction
+    from steer_env.experiments.pages.files import write_json
+    from steer_env.experiments.studies.common import explanation
+    from steer_env.vehicle import cars
+
+    if found.nearest is None or not found.nearest.best.changes:
+        print(f"{args.suggest} is not written: there is no change to suggest")
+        return
+    car, law = explanation.suggested(found.nearest)
+    cars.write(car, args.suggest)
+    words = ["steer-env", "validate", args.measured, str(args.suggest)]
+    if law != friction.resolve(car.friction):
+        beside = args.suggest.with_name(f"{args.suggest.stem}_friction.json")
+        write_json(beside, {"friction": friction.as_mapping(law)})
+        words += ["--friction", str(beside)]
+    if late := found.nearest.setting.late:
+        words += ["--map", f"handwheel_torque=NAME,delay_ms={1e3 * late:.3g}"]
+    print(shlex.join([*words, *(word for path in args.mapping for word in ("--mapping", path))]))
+
+
 def _print(found: Any, agree: bool, tolerances: str | None) -> None:
     """Print what was found."""
     from steer_env.experiments.cli.common.tables import print_differences, print_metrics
-    from steer_env.experiments.studies.common import comparison_power
+    from steer_env.experiments.studies.common import comparison_power, explanation
 
     labels, wanted = list(found.values), found.targets
     if wanted and not found.bands:
@@ -170,6 +216,13 @@ def _print(found: Any, agree: bool, tolerances: str | None) -> None:
         print(f"{labels[0]} and {labels[1]} {said} within the tolerances {tolerances}")
         if found.power is not None:
             print(comparison_power.in_words(found.power))
+        if found.nearest:
+            print(explanation.verdict(found.nearest))
+            for change in found.nearest.best.changes:
+                print(f"{change.name}: {explanation.amount(change)}, 95 % interval {explanation.ends(change)}")
+            print(*explanation.sentences(found.nearest), sep="\n")
+        if found.unexplained:
+            print(f"What would explain the difference is unknown: {found.unexplained}.")
 
 
 def _notes(meta: Mapping[str, Any], frames: bool) -> Iterator[str]:
@@ -251,7 +304,7 @@ def _trace(args: argparse.Namespace, places: Mapping[str, int], result: str) -> 
 
     chosen = {label: mapping_of(place, args) for label, place in places.items()}
     mapping = {label: one.plain() for label, one in chosen.items()}
-    return provenance.trace(command=args.argv, result=result, inputs=inputs.of(args), mapping=mapping)
+    return provenance.trace(command=unswept(args, "--suggest"), result=result, inputs=inputs.of(args), mapping=mapping)
 
 
 def read(path: str, place: int, args: argparse.Namespace, lacks: bool = False) -> Any:

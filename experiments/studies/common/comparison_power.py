@@ -30,6 +30,7 @@ FACTORS = (1.1, 1.2, 1.35, 1.5, 2.0, 3.0)  # by which a parameter is multiplied 
 _BELOW = tuple(1.0 / factor for factor in FACTORS)
 SPARE = 0.04  # share of the points that has to be outside beyond what is allowed: a measurement has noise, assumed [1]
 SAME = 0.1  # distance up to which the simulation that is driven again is the one that was given, assumed [tolerances]
+STEERED = "steered_as_measured"  # key of the meta of a simulation with the handwheel angle of a measurement
 WORKERS = 4  # threads; the kernels run without Python's lock
 
 Change = Callable[[Car, Any, float], tuple[Car, Any]]
@@ -73,8 +74,14 @@ def _key(name: str, car: Car, law: Any, factor: float) -> tuple[Car, Any]:
     return cars.load(car.data(), changes={name: changed}), law
 
 
+def _ratio(car: Car, law: Any, factor: float) -> tuple[Car, Any]:
+    return _key("steering.pinion_radius", car, law, 1.0 / factor)
+
+
 CHANGES: Mapping[str, Change] = {
     "friction": _level,
+    "steering ratio": _ratio,
+    "inertia of the handwheel (I1)": partial(_key, "column.I1"),
     "torsion bar (K_tb)": partial(_key, "column.K_tb"),
     "inertia below it (I2)": partial(_key, "column.I2"),
     "boost": partial(_key, "assist.boost_scale"),
@@ -100,6 +107,8 @@ def simulated(recording: Recording) -> Simulated:
         law = friction.resolve(provenance.friction_of(laws[0]))
         made = manoeuvres.make(recording.meta["manoeuvre"])
         manoeuvre = replace(made, speed=recording.meta["speed_m_s"], chassis=recording.meta["chassis"])
+        if recording.meta.get(STEERED):
+            manoeuvre = replace(manoeuvre, amplitude=recording.meta["amplitude_rad"], lateral_acceleration=None)
         return Simulated(cars.load(trace["car"]), law, manoeuvre)
     except (KeyError, TypeError, ValueError) as error:
         raise ValueError(f"the car or the law of its trace is not known here: {error}") from None
@@ -152,7 +161,7 @@ def power(
             raise ValueError("driven again by its trace it is another one")
     except (ValueError, RefusedError) as error:
         return Power((), {}, str(error))
-    others = _others(own)
+    others = other_laws(own.car, own.law)
     sides = [(change, factors) for change in CHANGES.values() for factors in (_BELOW, FACTORS)]
     with ThreadPoolExecutor(WORKERS) as pool:
         ends = list(pool.map(first, [_changed(own, change, factors) for change, factors in sides]))
@@ -160,17 +169,17 @@ def power(
     return Power(tuple(map(Shown, CHANGES, ends[::2], ends[1::2])), laws)
 
 
-def _others(own: Simulated) -> dict[str, Any]:
+def other_laws(car: Car, own: Any) -> dict[str, Any]:
     """The other laws with their defaults, at one site or, as the own friction, at those of the car's steering."""
-    if not isinstance(own.law, Sites):
-        return {law: friction.make(law) for law in friction.available() if law != law_of(own.law).name}
-    used = {law_of(site.law).name for site in own.law if as_mapping(site.law) != NOTHING}
+    if not isinstance(own, Sites):
+        return {law: friction.make(law) for law in friction.available() if law != law_of(own).name}
+    used = {law_of(site.law).name for site in own if as_mapping(site.law) != NOTHING}
     found = {}
     for law in friction.available():
         made = friction.make(law)
         if {law} != used and law_of(made).mean_torque is not None:  # which a site needs
             without = "" if sliding_torque(made) > LEAST else ",efficiency=1"  # of a gear, no load makes it grow
-            found[law] = friction.resolve(f"{law}{without}@{own.car.kind}")
+            found[law] = friction.resolve(f"{law}{without}@{car.kind}")
     return found
 
 

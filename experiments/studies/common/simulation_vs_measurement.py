@@ -150,10 +150,14 @@ def _aligned(first: Curves, second: Curves) -> Curves:
     """The second curves, shifted in time so that the handwheel speeds agree best, over the time that both cover."""
     if ANGLE not in first or ANGLE not in second:
         return second
-    a, b = (np.gradient(curve[ANGLE]) for curve in (first, second))  # the angle of a step varies too little to align by
-    lag = signal.correlation_lags(a.size, b.size)[signal.correlate(a, b).argmax()]
-    time = second["time"] + lag / RATE
+    time = second["time"] + lag(first, second)
     return _between({**second, "time": time}, 0.0, first["time"][-1])
+
+
+def lag(first: Curves, second: Curves) -> float:
+    """Time by which the first curves over time are later, by the speeds of their handwheels [s]."""
+    a, b = (np.gradient(curve[ANGLE]) for curve in (first, second))  # the angle of a step varies too little to align by
+    return float(signal.correlation_lags(a.size, b.size)[signal.correlate(a, b).argmax()]) / RATE
 
 
 def _between(curve: Curves, start: float, end: float) -> Curves:
