@@ -4,6 +4,7 @@ A folder or database has one problem and any number of studies of it, one for ea
 of all their sets.
 """
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from itertools import chain
@@ -24,11 +25,14 @@ from steer_env.experiments.calibration.search import Found, Job, WorkerOf
 from steer_env.experiments.sweep import Runner
 from steer_env.friction.numerics import cache
 from steer_env.tuning.reward import MAX_DISTANCE
+from steer_env.vehicle import cars
+from steer_env.vehicle.cars import Car
 
 MAPS = 8  # sets at most that are read on the whole map, until one keeps all of it; assumed
 MOVED = 0.15  # part of its band's width by which a metric must move to count as tuned; assumed
 EVALUATION = 2  # raised where the evaluation of a set changes, so that a folder's sets are all of one kind
 MAP_MISSED = 0.1  # violation of a set that misses a margin on the map; its negative where it is kept or unread; assumed
+DIGITS = 4  # significant ones of what is tuned, in the file of the best car [1]
 SECOND = "nsga2"  # optimiser that confirms
 ABOUT = "about"  # name of the study that holds what all share
 OWN_ANGLES = "check with own handwheel angles"
@@ -269,11 +273,40 @@ def _timed(job: tuple[Callable[[Any], Any], Any]) -> tuple[Any, float]:
 def mapped(case: tuple[Problem, Mapping[str, float]], points: Sequence[Cell] | None = None) -> list[Cell]:
     """The margins of a set at every point of the map, with every load, or at the points of other cells."""
     problem, values = case
-    car = problems.tuned_car_quietly(problem, values)
+    car = _rounded_quietly(problem, values)
     if points is not None:
         return margin_map.at(points, car, problem.law, problem.chassis)
     loads = tuple(dict.fromkeys(c.load for c in problem.conditions))
     return margin_map.of_car(car, problem.law, loads, problem.chassis)
+
+
+def rounded(problem: Problem, values: Mapping[str, float]) -> Car:
+    """The car of a set as its file has it: what differs from the starting car has ``DIGITS`` digits."""
+    car = problems.tuned_car(problem, values)
+    if values == problems.own(problem):
+        return car
+    start, own = problem.car.data()["assist"], car.data()["assist"]
+    return cars.load(car, changes={f"assist.{k}": _rounded(x) for k, x in own.items() if x != start.get(k)})
+
+
+def _rounded(value: Any) -> Any:
+    """A number, or those of a table, with ``DIGITS`` significant digits."""
+    if isinstance(value, list):
+        return [_rounded(each) for each in value]
+    return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
+
+
+def _rounded_quietly(problem: Problem, values: Mapping[str, float]) -> Car:
+    """:func:`rounded` without its warnings, which are told where its file is written."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", cars.UnusualCar)
+        return rounded(problem, values)
+
+
+def _driven(case: tuple[Problem, Mapping[str, float]]) -> Evaluation:
+    """The rounded car of a set with its own handwheel angles."""
+    problem, values = case
+    return own_angles.driven((problem._replace(car=_rounded_quietly(problem, values)), {}))
 
 
 def _misses(cells: list[Cell]) -> tuple[int, int]:
@@ -330,9 +363,13 @@ def _outcome(
     driven = {"start": start.driven}
     if leader is not None:
         pace.begin("check", OWN_ANGLES, {})
-        (driven["best"],) = sweep(own_angles.driven, [(problem, leader.params)], words=lambda case: OWN_ANGLES)
+        (driven["best"],) = sweep(
+            own_angles.driven, [_as_written(problem, leader.params)], words=lambda case: OWN_ANGLES
+        )
     checked = {key: own_angles.replaced(problem, counted, t, driven[key]) for key, t in named.items()}
     checks = {key: own_angles.compared(problem, counted, t, checked[key]) for key, t in named.items()}
+    if leader is not None:  # its margins are those of the rounded car, too
+        checked["best"].user_attrs["details"]["margins"] = driven["best"].margins
     best = checked.get("best")
     judged = feasibility.judge(problem, [best if best and t is named["best"] else t for t in every], counted)
     if best is not None:  # by its own angles it may no longer be first

@@ -37,6 +37,7 @@ LABELS = {
     "nsga3": "NSGA-III",
     "random": "random search",
 }
+BOOST_SPEEDS, BOOST_POINTS = 4, 71  # of the picture of the boost
 REACH = 1.5  # of the farthest marked set, up to which the axes of the front go; assumed [1]
 
 
@@ -248,6 +249,19 @@ def _bands(o: Outcome) -> dict[str, Any]:
     }
 
 
+def _boost(o: Outcome) -> Any:
+    """The boost of the start and of :func:`other`, at some speeds of the car's table, as a picture."""
+    shown = other(o)
+    if shown is None:
+        return ""
+    start, tuned = o.problem.car.assist, problems.tuned_car_quietly(o.problem, shown.params).assist
+    torques = np.linspace(0.0, start.torques[-1], BOOST_POINTS)
+    speeds = np.unique(np.linspace(0, start.speeds.size - 1, BOOST_SPEEDS).round().astype(int))
+    sides = [[np.interp(torques, a.torques, a.boost[k]) for k in speeds] for a in (start, tuned)]
+    named = [number(3.6 * start.speeds[k]) for k in speeds]
+    return tuning_pictures.boost(torques, named, np.array(sides[0]), np.array(sides[1]))
+
+
 def _margins(o: Outcome) -> dict[str, Any]:
     """The margins before and after."""
     rows, sides = [], [t.user_attrs["details"]["margins"] for t in (o.own, other(o)) if t is not None]
@@ -354,6 +368,7 @@ def build(o: Outcome) -> tuple[Page, dict[str, Any]]:
         "pairs": [(*map(in_words, p.metrics), *map(number, p.distances)) for p in o.feasibility.pairs],
         "pareto": _pareto(o),
         "bands": _bands(o),
+        "boost": _boost(o),
         "parameters": parameters(o, shares),
         "margins": _margins(o),
     }

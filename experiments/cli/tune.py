@@ -24,6 +24,7 @@ GROUP = "car"
 SAMPLERS = ("surface", "tpe", "nsga2", "nsga3", "random")
 FILES = ("index.html", "tune.json", "best.toml", "start.toml", "before", "after", "live")
 MOST_WORKERS = 64  # at the address of a cluster, which has a number of its own
+TOLD = 10.0  # between lines without a terminal [s]
 POLL = 1.0  # between looks at how far the search is [s]
 
 
@@ -59,6 +60,18 @@ def add(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Search, and write what was found."""
     require("tune", "tune")
+
+    from steer_env.experiments.pages.options import progress
+
+    with _going_on(args), progress("tuning", every=TOLD) as notify:  # importing takes some of the first ten seconds
+        car, outcome = _tuned(args, notify)
+    if args.report and outcome.best is not None:
+        for name, file in (("before", "start.toml"), ("after", "best.toml")):
+            _report(args, car, file, name)
+
+
+def _tuned(args: argparse.Namespace, notify: Callable[[float, str], None]) -> tuple[Any, Any]:
+    """The car before, and the outcome, which is written."""
     live = options.live(args)
 
     from steer_env import targets
@@ -66,7 +79,6 @@ def run(args: argparse.Namespace) -> None:
     from steer_env.experiments.calibration import problem, storage, tuning
     from steer_env.experiments.calibration.pace import Pace
     from steer_env.experiments.pages import files
-    from steer_env.experiments.pages.options import progress
 
     if args.cluster is not None:
         require("cluster", f"--cluster {args.cluster}")
@@ -83,15 +95,23 @@ def run(args: argparse.Namespace) -> None:
     remote = where.cluster not in ("", sweep.where.LOCAL)
     workers = MOST_WORKERS if remote else where.workers
     pace = Pace()
-    with progress("tuning") as notify, _watched(notify, args, pace) as began:
+    with _watched(notify, args, pace) as began:
         outcome = tuning.tune(
             posed, args.out, args.budget, run, workers, began=began, pace=pace,
             address=args.storage, sampler=args.sampler, seed=args.seed, resume=args.resume, confirm=args.confirm,
         )  # fmt: skip
         _write(args, posed, outcome, live)
-    if args.report and outcome.best is not None:
-        for name, file in (("before", "start.toml"), ("after", "best.toml")):
-            _report(args, car, file, name)
+    return car, outcome
+
+
+@contextmanager
+def _going_on(args: argparse.Namespace) -> Iterator[None]:
+    """An interruption says how the tuning goes on."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        print(f"go on with the same command: {shlex.join(['steer-env', *args.argv])}", file=sys.stderr)
+        raise
 
 
 @contextmanager
@@ -123,7 +143,7 @@ def _watched(
 
 def _write(args: argparse.Namespace, posed: Any, outcome: Any, live: Any) -> None:
     """Write the page, its numbers and the car files, and print what was found."""
-    from steer_env.experiments.calibration import problem, tuning_page
+    from steer_env.experiments.calibration import tuning, tuning_page
     from steer_env.experiments.cli.common.sweeping import unswept
     from steer_env.experiments.pages import pages as page
     from steer_env.experiments.pages import provenance
@@ -133,7 +153,7 @@ def _write(args: argparse.Namespace, posed: Any, outcome: Any, live: Any) -> Non
     cars.write(posed.car, args.out / "start.toml")
     beside = None
     if outcome.best is not None:
-        tuned = problem.tuned_car(posed, outcome.best.params)
+        tuned = tuning.rounded(posed, outcome.best.params)
         cars.write(tuned, args.out / "best.toml")
         beside = live(tuned, {named(posed.law): posed.law}) if live else None
     else:

@@ -1,5 +1,6 @@
 """A friction law as text, and a progress bar; quick to import, as the command line needs both before any work."""
 
+import math
 import os
 import sys
 import threading
@@ -67,9 +68,12 @@ class _Pace:
 
 
 @contextmanager
-def _lines(what: str, pace: _Pace) -> Iterator[Callable[[float, str], None]]:
-    """Says on standard error what long work does and which tenth of it is done; ``STEER_ENV_QUIET=1`` silences it."""
-    said = 0
+def _lines(what: str, pace: _Pace, every: float) -> Iterator[Callable[[float, str], None]]:
+    """Says on standard error what long work does and which tenth of it is done; ``STEER_ENV_QUIET=1`` silences it.
+
+    A line is said at least ``every`` so many seconds.
+    """
+    said, last = 0, pace.start
     quiet = os.environ.get("STEER_ENV_QUIET", "0") not in ("", "0")
 
     def tell(text: str) -> None:
@@ -77,12 +81,13 @@ def _lines(what: str, pace: _Pace) -> Iterator[Callable[[float, str], None]]:
             print(f"steer-env: {text}", file=sys.stderr, flush=True)
 
     def notify(part: float, text: str) -> None:
-        nonlocal said
+        nonlocal said, last
         left = pace.left(part)
         tenths = int(10.0 * part / pace.total + 1e-9) if pace.total else 0
         seconds = time.monotonic() - pace.start
-        if said < tenths < 10 and seconds > LONG:
-            said = tenths
+        due = time.monotonic() - last >= every
+        if (said < tenths < 10 and seconds > LONG) or due:
+            said, last = tenths, time.monotonic()
             rest = "" if left is None else f", {_clock(left)} left"
             tell(f"{10 * tenths} % done after {_clock(seconds)} min{rest}, {text}")
 
@@ -102,18 +107,19 @@ def _clock(seconds: float) -> str:
 
 
 @contextmanager
-def progress(what: str, total: float | None = 1.0) -> Iterator[Callable[[float, str], None]]:
+def progress(what: str, total: float | None = 1.0, every: float = math.inf) -> Iterator[Callable[[float, str], None]]:
     """A progress bar on standard error, or a line for every tenth of long work if that is no terminal.
 
     Yields a function of the part that is done and of what comes next. Both tell the time so far, and the time left as
-    far as it can be told; without a total the bar only moves, and one line says what goes on.
+    far as it can be told; without a total the bar only moves, and one line says what goes on. Without a terminal there
+    is a line at least ``every`` so many seconds, as often as the function is called.
     """
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     console, pace = Console(stderr=True), _Pace(total)
     if not console.is_terminal:
-        with _lines(what, pace) as notify:
+        with _lines(what, pace, every) as notify:
             yield notify
         return
     rest = TextColumn("left {task.fields[left]}", style="progress.remaining")

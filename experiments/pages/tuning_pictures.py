@@ -106,6 +106,19 @@ def course(curves: Mapping[str, Array], own: float) -> Figure:
 
 
 @styled
+def boost(torques: Array, speeds: Sequence[str], before: Array, after: Array) -> Figure:
+    """Boost (V, T) before and after over the torsion-bar torque (T,) [N m], a panel for each speed [km/h]."""
+    figure = new_figure(9.6, 2.6)
+    for axes, speed, a, b in zip(np.ravel(figure.subplots(1, len(speeds), sharey=True)), speeds, before, after):
+        axes.plot(torques, a, color=_SHADE, label="start")
+        axes.plot(torques, b, color=PALETTE[0], label="tuned")
+        axes.set(title=f"{speed} km/h", xlabel="torsion-bar torque [N m]", xlim=(0.0, torques[-1]), ylim=(0.0, None))
+    figure.axes[0].set_ylabel("boost [N m]")
+    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
+    return figure
+
+
+@styled
 def bands(rows: Mapping[str, Mapping[str, tuple[float, float]]], never: Collection[str]) -> Figure:
     """Span of each metric over the conditions beside its band, which is shaded, in widths of the band.
 

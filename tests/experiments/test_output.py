@@ -284,6 +284,18 @@ def test_long_work_says_soon_what_it_does_and_how_long_the_rest_takes(capsys, mo
     assert minutes == [(f"0:{10 + k:02d}", f"0:{20 - k:02d}") for k in range(2, 20, 2)]
 
 
+def test_work_may_say_a_line_every_ten_seconds(capsys, monkeypatch):
+    now = 0.0
+    monkeypatch.setenv("STEER_ENV_QUIET", "0")
+    monkeypatch.setattr(options.time, "monotonic", lambda: now)
+    with options.progress("tuning", every=10.0) as notify:
+        for k in range(1, 31):
+            now = float(k)
+            notify(0.001 * k, f"set {k}")
+    said = [re.search(r"after (\S+) min.*, set (\d+)$", line).groups() for line in capsys.readouterr().err.splitlines()]
+    assert said == [("0:10", "10"), ("0:20", "20"), ("0:30", "30")]
+
+
 def test_curves_that_coincide_are_named():
     phase = np.linspace(0.0, 2.0 * np.pi, 400)
     base = {"handwheel_angle": 0.2 * np.cos(phase), "handwheel_torque": 3.0 * np.cos(phase - 0.3)}

@@ -129,7 +129,7 @@ def test_the_best_set_has_the_metrics_with_its_own_handwheel_angles(tmp_path, po
     before, check = found.checks["best"].searched, found.checks["best"]
     assert before in found.trials["random"]
     assert (found.best.params, found.best.number) == (before.params, before.number)
-    expected = formula(posed._replace(car=problem.tuned_car(posed, before.params)), {})
+    expected = formula(posed._replace(car=tuning.rounded(posed, before.params)), {})
     assert found.best.user_attrs["details"]["metrics"] == expected.metrics
     assert found.best.user_attrs["details"]["margins"] == before.user_attrs["details"]["margins"]
     assert found.best.user_attrs["objectives"] == list(problem.objectives(posed, expected, found.counted).values())

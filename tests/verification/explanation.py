@@ -55,7 +55,8 @@ def simulated(test: str, at: Setting) -> Recording:
     return replace(found, meta={**found.meta, "trace": trace}).filtered(80.0).resampled(200.0)
 
 
-def _logged(test: str, at: Setting, offsets: Mapping[str, float], rng: np.random.Generator) -> Recording:
+def logged(test: str, at: Setting, offsets: Mapping[str, float], rng: np.random.Generator) -> Recording:
+    """What a logger with noise records of a test, and no trace."""
     found = manoeuvres.drive(at.car, manoeuvres.make(test), at.law)
     found = found.without(*(found.channels.keys() - LOGGED))
     torque = np.interp(found.time - at.late, found.time, found[TORQUE])
@@ -64,7 +65,8 @@ def _logged(test: str, at: Setting, offsets: Mapping[str, float], rng: np.random
     return noisy(replace(found, meta={k: v for k, v in found.meta.items() if k != "trace"}), rng)
 
 
-def _own() -> Setting:
+def own() -> Setting:
+    """The default car with its friction."""
     car = cars.load()
     return Setting(car, friction.resolve(car.friction))
 
@@ -73,7 +75,7 @@ def _caused(rng: np.random.Generator) -> tuple[Setting, dict[str, float], dict[s
     """A setting that differs in one or two named parameters, with the offsets of sensors and all differences."""
     names = [*FACTORS, *DELAYS, *OFFSETS, "law"]
     chosen = [str(name) for name in rng.choice(names, rng.integers(1, 3), replace=False)]
-    at, values, by_name = _own(), {}, {each.name: each for each in PARAMETERS}
+    at, values, by_name = own(), {}, {each.name: each for each in PARAMETERS}
     for name in sorted(chosen, key=lambda each: each != "law"):
         if name == "law":
             law = str(rng.choice(LAWS))
@@ -132,18 +134,18 @@ OTHER: tuple[Callable[..., Setting], ...] = (_without_boost_shape, _active_retur
 
 def make(rng: np.random.Generator, caused: bool) -> Pair:
     """A pair that does not agree; ``caused`` by named parameters, or by what has no name among them."""
-    clean = {test: simulated(test, _own()) for test in TESTS}
+    clean = {test: simulated(test, own()) for test in TESTS}
     while True:
-        test, at = str(rng.choice(TESTS)), _own()
+        test, at = str(rng.choice(TESTS)), own()
         offsets, values = dict[str, float](), dict[str, float]()
         if caused:
             at, offsets, values = _caused(rng)
-            measured, about = _logged(test, at, offsets, rng), ", ".join(values)
+            measured, about = logged(test, at, offsets, rng), ", ".join(values)
         else:
             kind = (*SENSORS, *OTHER)[rng.integers(len(SENSORS) + len(OTHER))]
             about = kind.__name__.strip("_").replace("_", " ")
             at = kind(at, rng) if kind in OTHER else at
-            measured = _logged(test, at, offsets, rng)
+            measured = logged(test, at, offsets, rng)
             measured = kind(at, measured, rng) if kind in SENSORS else measured
         if not simulation_vs_measurement.passes(simulation_vs_measurement.compare(measured, clean[test])):
             return Pair(measured, clean[test], test, values, about)

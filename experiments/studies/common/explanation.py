@@ -48,7 +48,8 @@ LEAST_P = 0.001  # probability of as large a chi-square by chance, from which on
 EQUAL = 9.0  # chi-square above the best, up to which a fit explains equally well: three deviations; assumed [1]
 ROUNDS = 10  # of Gauss-Newton steps, at most
 SETTLED = 0.1  # change of chi-square with which they end
-KEPT = (24, 8)  # searches that go on after the first step, and after the second
+KEPT = (16, 8)  # searches that go on after the first step, and after the second
+FAR = 30.0  # times the least chi-square, with which they do not; assumed [1]
 LAWS = 3  # other laws, those that leave least, with which one parameter is fitted too
 DIFFERENCE = 0.1  # step of the finite differences, in usual amounts [1]
 PRIOR = 5.0  # deviation of a parameter before anything is measured, in usual amounts; assumed [1]
@@ -529,6 +530,7 @@ def _settled(searches: list[Search], pool: ThreadPoolExecutor) -> list[Search]:
     for kept in KEPT:
         list(pool.map(lambda each: each.steps(1), searches))
         searches = sorted(searches, key=lambda each: each.chi_square)[:kept]
+        searches = [each for each in searches if each.chi_square <= FAR * searches[0].chi_square]
     list(pool.map(lambda each: each.steps(ROUNDS), searches))
     return searches
 
