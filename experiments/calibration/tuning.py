@@ -363,9 +363,7 @@ def _outcome(
     driven = {"start": start.driven}
     if leader is not None:
         pace.begin("check", OWN_ANGLES, {})
-        (driven["best"],) = sweep(
-            own_angles.driven, [_as_written(problem, leader.params)], words=lambda case: OWN_ANGLES
-        )
+        (driven["best"],) = sweep(_driven, [(problem, leader.params)], words=lambda case: OWN_ANGLES)
     checked = {key: own_angles.replaced(problem, counted, t, driven[key]) for key, t in named.items()}
     checks = {key: own_angles.compared(problem, counted, t, checked[key]) for key, t in named.items()}
     if leader is not None:  # its margins are those of the rounded car, too

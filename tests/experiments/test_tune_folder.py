@@ -141,6 +141,37 @@ def test_the_best_set_has_the_metrics_with_its_own_handwheel_angles(tmp_path, po
     assert found.own.params == problem.own(posed)
 
 
+def test_the_file_of_the_best_car_has_rounded_numbers(posed):
+    own = problem.own(posed)
+    assert tuning.rounded(posed, own).data()["assist"] == problem.tuned_car(posed, own).data()["assist"]
+    exact = problem.tuned_car(posed, {**own, "boost_level": 1.234567 * own["boost_level"]}).data()["assist"]
+    found = tuning.rounded(posed, {**own, "boost_level": 1.234567 * own["boost_level"]}).data()["assist"]
+    assert {key for key in exact if exact[key] != found[key]} == {"boost"}
+    for given, kept in zip(np.ravel(exact["boost"]), np.ravel(found["boost"])):
+        assert kept == float(f"{given:.4g}")
+
+
+def test_an_interrupted_search_says_how_it_goes_on_and_does(tmp_path, posed, quick, monkeypatch, capfd):
+    """The set after the third is interrupted; the same command then makes the rest of the budget."""
+    words = ["tune", "--budget", "6", "--sampler", "random", "--parameters", *PARAMETERS, "--out", str(tmp_path)]
+    count = 0
+
+    def interrupted(*given, **options):
+        nonlocal count
+        count += 1
+        if count > 6:  # some are of what the parameters move, and of the start
+            raise KeyboardInterrupt
+        return formula(*given, **options)
+
+    monkeypatch.setattr(problem, "evaluate", interrupted)
+    assert main([*words, "--workers", "1"]) == 130
+    assert f"go on with the same command: steer-env {' '.join(words)} --workers 1" in capfd.readouterr().err
+    monkeypatch.setattr(problem, "evaluate", formula)
+    assert main([*words, "--workers", "1"]) == 0
+    told = json.loads((tmp_path / "tune.json").read_text(encoding="utf-8"))
+    assert [len(sets) for sets in told["sets"].values()] == [6]
+
+
 def test_a_search_that_finds_nothing_better_says_so(tmp_path, posed, quick):
     page, data = tuning_page.build(tuned(posed, tmp_path, 1))
     assert page.values["answer"].alone
