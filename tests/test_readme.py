@@ -35,7 +35,8 @@ PACKAGES = {"docs/learning.md": ["stable_baselines3"], "docs/robot_joints.md": [
     ("page", "code", "printed"),
     [pytest.param(*each, marks=needs(*PACKAGES.get(each[0], [])), id=each[0]) for each in EXAMPLES],
 )
-def test_example(page, code, printed, capsys):
+def test_example(page, code, printed, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     exec(compile(code, page, "exec"), {"__name__": "readme"})
     out = capsys.readouterr().out
     assert out == printed if printed else out

@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> None:
     look = {"full": args.full, "noticed": options.noticed(args)}
 
     from steer_env.experiments.pages import provenance
-    from steer_env.experiments.reports import report
+    from steer_env.experiments.reports import report, report_findings
     from steer_env.experiments.reports.report_results import Scope
 
     gc.freeze()  # what is imported stays, and no collection of garbage looks through it again
@@ -61,5 +61,6 @@ def run(args: argparse.Namespace) -> None:
             Scope(car=car) if args.chassis is None else Scope(car=car, chassis=args.chassis, vehicle=False, widths=())
         )
         beside = live(car, {law.label: law.text for law in laws}) if live else None
-        report.build(args.out, parameters, scope, notify, report.Look(**look), trace, sweep, beside)
+        results = report.build(args.out, parameters, scope, notify, report.Look(**look), trace, sweep, beside)
+    print(report_findings.verdict(results, report_findings.terms(results, look["noticed"])))
     print(args.out / "index.html")

@@ -60,6 +60,7 @@ def add(parser: argparse.ArgumentParser) -> None:
         "JSON file goes beside it (default: the working directory)"
     )
     parser.add_argument("--out", metavar="PATH", default=".", help=text)
+    options.add_csv(parser)
     add_sweep(parser, f"of {ALL}")
 
 
@@ -198,9 +199,9 @@ def drive(args: argparse.Namespace, manoeuvre: "Manoeuvre", out: Path) -> Run:
     recording = replace(recording, meta={**recording.meta, "trace": trace})
     values = evaluate(recording) if manoeuvre.name in tests() else {}  # a manoeuvre may have no metrics
     if rate < FASTEST:
-        files.write(recording.filtered(0.4 * rate).resampled(rate), out, digits=FILE_DIGITS)
+        files.write(recording.filtered(0.4 * rate).resampled(rate), out, digits=FILE_DIGITS, decimal=args.csv_decimal)
     else:
-        files.write(recording, out)
+        files.write(recording, out, decimal=args.csv_decimal)
     write_json(
         out.with_suffix(".json"),
         {

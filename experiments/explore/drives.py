@@ -9,7 +9,7 @@ that reads them.
 import inspect
 from collections.abc import Callable, Iterator, Mapping
 from functools import lru_cache
-from types import ModuleType
+from types import MappingProxyType, ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,6 +19,7 @@ from scipy import signal
 
 from steer_env import metrics
 from steer_env.experiments.pages import words
+from steer_env.experiments.studies.friction_laws import SMALL_TURNS
 from steer_env.manoeuvres import Manoeuvre, make
 from steer_env.manoeuvres.common.definition import half_span
 from steer_env.manoeuvres.common.driving import REGRIP
@@ -69,8 +70,10 @@ class Shown(NamedTuple):
     moving: Mapping[str, Any]  # options of the shorter manoeuvre that is driven while a value changes
     fewest: tuple[int, int] = (1, 1)  # repeats that the metrics need, in the whole and in the shorter manoeuvre
     section: tuple[float, float] | None = None  # that is drawn [s]; None: the last cycle but one
-    points: int = 500  # of a curve, about
+    points: int = 1000  # of a curve, about: enough for no corner that is not one of the law
     channels: tuple[str, ...] = ()  # that the metrics take besides those that are drawn
+    manoeuvre: str = ""  # that it is, under another name here
+    options: Mapping[str, Any] = MappingProxyType({})  # of the manoeuvre
 
 
 def _fewest(test: str) -> int:
@@ -85,17 +88,21 @@ SHOWN = {
         "weave", "loops", (*_LOOPS, (TIME, TORQUE), (TIME, AY), (TIME, RACK)), {"cycles": 3}, (_fewest("weave"), 1),
         channels=(YAW,),
     ),
+    "small-turns": Shown(
+        "small turns", "loops", (*_LOOPS, (TIME, TORQUE), (TIME, ANGLE), (TIME, RACK)), {"cycles": 3},
+        (_fewest("weave"), 1), channels=(YAW,), manoeuvre="weave", options=SMALL_TURNS,
+    ),
     "slow-ramp": Shown(
         "slow ramp", "loops", (*_LOOPS, (ANGLE, AY), (TIME, TORQUE), (TIME, RACK)), {"frequency": 0.05, "cycles": 3},
         (_fewest("slow-ramp"), 1), channels=(YAW,),
     ),
     "release": Shown(
         "release", "release", ((TIME, ANGLE), (TIME, YAW), (TIME, TORQUE), (TIME, AY), (ANGLE, YAW)), {"events": 1},
-        section=(1.0, 9.0), points=1000,
+        section=(1.0, 9.0),
     ),
     "step-steer": Shown(
         "step steer", "steps", ((TIME, YAW), (TIME, AY), (TIME, ANGLE), (TIME, TORQUE), (TIME, RACK)), {"right": False},
-        section=(0.8, 5.9), points=1000, channels=("lateral_speed",),
+        section=(0.8, 5.9), channels=("lateral_speed",),
     ),
     "parking": Shown(
         "parking", "parking", ((ANGLE, TORQUE), (ANGLE, RACK), (TIME, TORQUE), (TIME, RACK), (TIME, "motor_torque")),
@@ -111,6 +118,12 @@ SHOWN = {
 MODULES = (loops, decay, events, free_control, free_hands, step_steer, parking, catch_up, linear, stability)
 
 
+def made(name: str, moving: bool = False) -> Manoeuvre:
+    """A manoeuvre of ``SHOWN``, or the shorter one that is driven while a value changes."""
+    shown = SHOWN[name]
+    return make(shown.manoeuvre or name, **{**shown.options, **(shown.moving if moving else {})})
+
+
 def declared(chassis: tuple[str, ...]) -> dict[str, Any]:
     """What the page knows of the manoeuvres that can be driven on one of these chassis.
 
@@ -119,16 +132,11 @@ def declared(chassis: tuple[str, ...]) -> dict[str, Any]:
     ValueError
         A manoeuvre of a kind that the page does not drive.
     """
-    made = {name: make(name) for name in SHOWN}
     return {
         "rate": RATE,
         "regrip": REGRIP,
         "drawn": {name: {"label": label, "unit": unit, "scale": scale} for name, (label, unit, scale) in DRAWN.items()},
-        "manoeuvres": {
-            name: _manoeuvre(made[name], SHOWN[name], chassis)
-            for name in SHOWN
-            if set(_chassis(made[name])) & set(chassis)
-        },
+        "manoeuvres": {name: _manoeuvre(name, chassis) for name in SHOWN if set(_chassis(made(name))) & set(chassis)},
         "constants": {module.__name__.rpartition(".")[2]: constants(module) for module in MODULES},
         "filters": {f"{cutoff:g}": _low_pass(cutoff) for cutoff in sorted(_cutoffs())},
         "functions": stability.KEYS,
@@ -140,53 +148,52 @@ def _chassis(manoeuvre: Manoeuvre) -> tuple[str, ...]:
     return chassis_models.available() if manoeuvre.speed else (manoeuvre.chassis,)
 
 
-def _manoeuvre(made: Manoeuvre, shown: Shown, chassis: tuple[str, ...]) -> dict[str, Any]:
-    if made.others or made.driver or made.rig or made.road or not made.robot:
-        raise ValueError(
-            f"{made.name} needs more than the motion of a robot's hands, which is all that the page drives"
-        )
+def _manoeuvre(name: str, chassis: tuple[str, ...]) -> dict[str, Any]:
+    of, shown = made(name), SHOWN[name]
+    if of.others or of.driver or of.rig or of.road or not of.robot:
+        raise ValueError(f"{of.name} needs more than the motion of a robot's hands, which is all that the page drives")
     drawn = dict.fromkeys(channel for picture in shown.pictures for channel in picture if channel != TIME)
     section = shown.section or (0.0, np.inf)
     return {
-        "name": made.name,
+        "name": of.name,
         "title": shown.title,
-        "hands": made.hands.replace("+-", "±")
-        + (f", amplitude for {made.lateral_acceleration:g} m/s²" if made.lateral_acceleration else ""),
-        "speed": made.speed,
-        "chassis": [each for each in _chassis(made) if each in chassis],
-        "amplitude": made.amplitude,
-        "lock": made.lock,
-        "target": made.lateral_acceleration,
-        "reach": "half span" if made.reach is half_span else "last second",
-        "trial": round((made.trial or made.duration) / SAMPLE_TIME),
-        "free": bool(made.released),
-        "whole": _course(made.name, shown.fewest[0], {}),
-        "moving": _course(made.name, shown.fewest[1], shown.moving),
+        "hands": of.hands.replace("+-", "±")
+        + (f", amplitude for {of.lateral_acceleration:g} m/s²" if of.lateral_acceleration else ""),
+        "speed": of.speed,
+        "chassis": [each for each in _chassis(of) if each in chassis],
+        "amplitude": of.amplitude,
+        "lock": of.lock,
+        "target": of.lateral_acceleration,
+        "reach": "half span" if of.reach is half_span else "last second",
+        "trial": round((of.trial or of.duration) / SAMPLE_TIME),
+        "free": bool(of.released),
+        "whole": _course(name, shown.fewest[0], moving=False),
+        "moving": _course(name, shown.fewest[1], moving=True),
         "reader": shown.reader,
         "pictures": shown.pictures,
         "channels": list(dict.fromkeys([*drawn, AY, *shown.channels])),
-        "section": None if shown.section is None else [float(min(end, made.duration)) for end in section],
+        "section": None if shown.section is None else [float(min(end, of.duration)) for end in section],
         "points": shown.points,
-        "metrics": [_metric(name) for name in metrics.available(made.name) if name not in LEFT_OUT],
+        "metrics": [_metric(name) for name in metrics.available(of.name) if name not in LEFT_OUT],
     }
 
 
-def _course(name: str, fewest: int, options: Mapping[str, Any]) -> dict[str, Any]:
-    """The hands of a manoeuvre with options."""
-    made = make(name, **options)
+def _course(name: str, fewest: int, moving: bool) -> dict[str, Any]:
+    """The hands of a manoeuvre."""
+    of = made(name, moving)
     return {
-        "pieces": list(_pieces(name, tuple(options.items()))),
-        "samples": round(made.duration / SAMPLE_TIME),
-        "released": [round(time / SAMPLE_TIME) for time in made.released],
-        "frequency": made.frequency,
+        "pieces": list(_pieces(name, moving)),
+        "samples": round(of.duration / SAMPLE_TIME),
+        "released": [round(time / SAMPLE_TIME) for time in of.released],
+        "frequency": of.frequency,
         "fewest": fewest,
     }
 
 
 @lru_cache
-def _pieces(name: str, options: tuple[tuple[str, Any], ...]) -> tuple[tuple[int, list[float], list[float]], ...]:
-    made = make(name, **dict(options))
-    return tuple(pieces(made.hand, round(made.duration / SAMPLE_TIME)))
+def _pieces(name: str, moving: bool) -> tuple[tuple[int, list[float], list[float]], ...]:
+    of = made(name, moving)
+    return tuple(pieces(of.hand, round(of.duration / SAMPLE_TIME)))
 
 
 def pieces(

@@ -38,7 +38,7 @@ from steer_env.vehicle.subsystems.machine_code import entry, first, signature
 TRIPLE, CPU, FEATURES = "wasm32-unknown-wasi", "generic", "+simd128"
 BEGINNING = "viscous"
 LINK = ("-target", "wasm32-wasi", "-mexec-model=reactor", "-mcpu=generic+simd128", "-O2", "-s")
-SAMPLES = 256  # of a displacement that a friction law follows
+SAMPLES = 1024  # of a displacement that a friction law follows
 
 
 def advancing(p: Plant) -> bytes:

@@ -16,6 +16,7 @@ from importlib import metadata
 from inspect import getdoc
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlencode
 
 import numpy as np
 
@@ -47,6 +48,7 @@ PAGE = Path(__file__).parent / "page"
 MODULES = "modules"
 CONTENTS = frozenset((*(file.name for file in PAGE.iterdir()), MODULES, policies.FOLDER, "declared.js", "tables.js"))
 LAWS_SHOWN = ("lugre", "masing", "dahl", "coulomb", "viscous")  # by default, after the friction of the car
+APART = ("coulomb", "masing")  # laws that are pinned first, as they differ in small turns
 LARGE = 1000  # numbers from which on a table is written once for all modules
 # Parameters on which the stability of the assist's loop depends, and those that hands and friction need.
 _NAMED = ("column.", "assist.", "robot", "rack_limit", "pinion_radius", "friction_torque_scale")
@@ -241,6 +243,7 @@ def declared(car: Car, wanted: Sequence[Combination]) -> dict[str, Any]:
         "laws": [_law(law) for law in dict.fromkeys(each.law for each in wanted)],
         "chassis": list(bodies),
         "modules": {f"{each.law} {each.chassis}": each.file for each in wanted},
+        "opening": _opening(wanted),
         "policies": policies.listed(),
         "beginnings": {body: _beginning(body) for body in bodies},
         "speed": {"name": parameters.SPEED, "unit": parameters.KPH},
@@ -255,6 +258,15 @@ def declared(car: Car, wanted: Sequence[Combination]) -> dict[str, Any]:
             "words": [just_noticeable.PERCEPTIBLE, just_noticeable.IMPERCEPTIBLE, just_noticeable.UNKNOWN],
         },
     }
+
+
+def _opening(wanted: Sequence[Combination]) -> str:
+    """What the page shows where its address names nothing: its first law in small turns, with two others pinned."""
+    first, *others = dict.fromkeys(each.law for each in wanted)
+    pinned = sorted(others, key=lambda law: law not in APART)[:2]
+    body = {"chassis": wanted[0].chassis}
+    pins = {pin: urlencode({"law": law, **body}) for pin, law in zip("AB", pinned)}
+    return urlencode({"law": first, **body, "manoeuvre": "small-turns", **pins})
 
 
 def _law(law: str) -> dict[str, Any]:

@@ -167,19 +167,26 @@ def assist(torques: Array, boost: Mapping[str, Array], speeds: Array, damping: A
     return figure
 
 
+_MARKS = {
+    **{"inside": ("o", "#1d2530"), "outside": ("D", _LIMIT)},
+    **{"green": ("o", "#009e73"), "amber": ("^", "#e69f00"), "red": ("s", "#c0392b")},
+}
+
+
 @styled
-def in_ranges(groups: Mapping[str, Sequence[float]]) -> Figure:
+def in_ranges(groups: Mapping[str, Sequence[float]], ratings: Mapping[str, Sequence[str]] | None = None) -> Figure:
     """Quantities by group over their ranges: each as its share of the way from the lower to the upper end.
 
-    One that is far outside stands at the edge of the picture.
+    One that is far outside stands at the edge of the picture. ``ratings`` are the colours of the target bands by group,
+    whose signs are those of the tables; without them a quantity is inside or outside.
     """
     figure = new_figure(5.0, 0.36 * len(groups) + 0.9)
     axes = figure.subplots()
     axes.axvspan(0.0, 1.0, color=_BAND, zorder=0)
-    for row, places in enumerate(groups.values()):
-        for x in places:
-            kept = 0.0 <= x <= 1.0
-            mark, color = ("o", "#1d2530") if kept else ("D", _LIMIT)
+    for row, (name, places) in enumerate(groups.items()):
+        inside = ["inside" if 0.0 <= x <= 1.0 else "outside" for x in places]
+        for x, kind in zip(places, ratings[name] if ratings else inside):
+            mark, color = _MARKS[kind]
             axes.plot(min(max(x, -0.45), 1.45), -row, mark, color=color, markersize=5, alpha=0.7)
     axes.set(xlim=(-0.5, 1.5), xticks=(0.0, 1.0), xticklabels=("lower end", "upper end"))
     axes.set(yticks=[-row for row in range(len(groups))], yticklabels=list(groups), ylim=(0.5 - len(groups), 0.5))

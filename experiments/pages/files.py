@@ -1,13 +1,18 @@
 """Atomic output: a file or directory appears as a whole or not at all."""
 
+import csv
+import io
 import json
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
+
+from steer_env.recording.csv_file import SEPARATORS
 
 
 def write_text(path: Path, text: str) -> None:
@@ -26,6 +31,27 @@ def write_bytes(path: Path, data: bytes) -> None:
         raise
     finally:
         part.unlink(missing_ok=True)
+
+
+_decimal: ContextVar[str] = ContextVar("decimal sign of tables", default=".")
+
+
+@contextmanager
+def csv_decimal(sign: str) -> Iterator[None]:
+    """Write tables with this decimal sign meanwhile, "." or ","."""
+    token = _decimal.set(sign)
+    try:
+        yield
+    finally:
+        _decimal.reset(token)
+
+
+def csv_text(rows: Iterable[Sequence[Any]]) -> str:
+    """Rows as CSV; with a decimal comma (:func:`csv_decimal`) the columns are separated by semicolons."""
+    file, sign = io.StringIO(), _decimal.get()
+    writer = csv.writer(file, delimiter=SEPARATORS[sign], lineterminator="\n")
+    writer.writerows([str(x).replace(".", sign) if isinstance(x, float) else x for x in row] for row in rows)
+    return file.getvalue()
 
 
 def write_json(path: Path, data: Any) -> None:

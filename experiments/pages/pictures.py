@@ -124,34 +124,21 @@ def held_torque(tests: Sequence[Any], sample_time: float, settling: float) -> Fi
 
 
 @styled
-def readme(
-    x: Array, loops: Mapping[str, tuple[str, Array]], weave: Mapping[str, Array], frictionless: Mapping[str, Array]
-) -> Figure:
-    """Friction torque over one displacement, a panel for each law; beside them the hand torque in a weave.
+def readme(tests: Mapping[str, Mapping[str, Mapping[str, Array]]]) -> Figure:
+    """Hand torque over handwheel angle, a panel for each test and a line for each law.
 
     Parameters
     ----------
-    x : (T,) array
-        Displacement [rad].
-    loops : title -> (law, (T,) friction torque [N m])
-    weave, frictionless : channel -> (n,) mean cycle, closed, SI
-        The weave with LuGre friction and without friction.
+    tests : title -> law -> channel -> (n,) mean cycle, closed, SI
     """
-    figure = new_figure(9.6, 2.9)
-    *panels, last = figure.subplots(1, len(loops) + 1, width_ratios=[1.0] * len(loops) + [1.5])
-    for axes, (title, (law, torque)) in zip(panels, loops.items()):
-        axes.plot(x / DEGREE, torque, color=styles([law])[law]["color"], linewidth=1.2)
-        axes.set(title=title, xlabel="displacement [deg]", ylim=(-1.05, 1.05))
-        axes.tick_params(labelleft=axes is panels[0])
-    panels[0].set_ylabel("friction torque [N m]")
-    lines = (
-        (weave, {"color": PALETTE[0], "label": "with friction (LuGre)"}),
-        (frictionless, {"color": "#777777", "linestyle": DASHES[1], "label": "without friction"}),
-    )
-    for cycle, style in lines:
-        last.plot(cycle[ANGLE] / DEGREE, cycle[TORQUE], **style)
-    last.set(title="in the car: a weave at 100 km/h", xlabel="handwheel angle [deg]", ylabel="hand torque [N m]")
-    last.legend(loc="lower right", fontsize=8)
+    figure = new_figure(9.6, 3.4)
+    panels = figure.subplots(1, len(tests))
+    for axes, (title, curves) in zip(panels, tests.items()):
+        for law, style in styles(curves).items():
+            axes.plot(curves[law][ANGLE] / DEGREE, curves[law][TORQUE], **{**style, "label": law_name(law)})
+        axes.set(title=title, xlabel="handwheel angle [deg]")
+    panels[0].set_ylabel("hand torque [N m]")
+    legend(figure, panels[0])
     return figure
 
 

@@ -1,6 +1,5 @@
 """The look that all pictures share, one colour and one dash for each law throughout, and how they become files."""
 
-import csv
 import functools
 import io
 import re
@@ -22,7 +21,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import FuncFormatter
 
 from steer_env import friction
-from steer_env.experiments.pages.files import write_bytes, write_text
+from steer_env.experiments.pages.files import csv_text, write_bytes, write_text
 
 Style = dict[str, Any]
 P = ParamSpec("P")
@@ -42,6 +41,7 @@ _FIRST = (
     "masing_position",
 )
 LEGEND_COLUMNS = 5  # that a row has room for
+DOTS = 200  # of a PNG in an inch
 LETTERS, HANDLE = 13.0, 6  # of a legend in an inch, and those that a line with its margins takes the room of
 
 STYLE: Any = {
@@ -75,7 +75,7 @@ _kept: ContextVar[tuple[Path, set[str]] | None] = ContextVar("folder of the pict
 
 @contextmanager
 def kept(folder: Path | None) -> Iterator[None]:
-    """Write every picture that is drawn meanwhile into a folder as SVG and PDF, with its data as CSV; None: nowhere."""
+    """Write every picture drawn meanwhile into a folder as SVG, PDF and PNG, with its data as CSV; None: nowhere."""
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)
     token = _kept.set(None if folder is None else (folder, set()))
@@ -155,8 +155,8 @@ def legend_of(figure: Figure, handles: Sequence[Any], labels: Sequence[str], col
 
 def _saved(figure: Figure, form: str) -> bytes:
     file = io.BytesIO()
-    date = {"svg": "Date", "pdf": "CreationDate"}[form]
-    figure.savefig(file, format=form, metadata={date: None, "Creator": None})
+    own = {"svg": ("Date", "Creator"), "pdf": ("CreationDate", "Creator"), "png": ("Software",)}[form]
+    figure.savefig(file, format=form, dpi=DOTS, metadata=dict.fromkeys(own))
     return file.getvalue()
 
 
@@ -166,23 +166,22 @@ def _write(folder: Path, written: set[str], label: str, figure: Figure, svg: str
     name = next(each for each in chain([name], (f"{name}_{k}" for k in count(2))) if each not in written)
     written.add(name)
     write_text(folder / f"{name}.svg", svg)
-    write_bytes(folder / f"{name}.pdf", _saved(figure, "pdf"))
+    for form in ("pdf", "png"):
+        write_bytes(folder / f"{name}.{form}", _saved(figure, form))
     write_text(folder / f"{name}.csv", _data(figure))
 
 
 def _data(figure: Figure) -> str:
     """What a figure shows, a row for each point, end of a bar or cell of a map, in the units of its axes."""
-    file = io.StringIO()
-    rows = csv.writer(file, lineterminator="\n")
-    rows.writerow(("panel", "title", "x_axis", "y_axis", "label", "x", "y", "value", "x_name", "y_name"))
+    rows: list[Sequence[Any]] = [("panel", "title", "x_axis", "y_axis", "label", "x", "y", "value", "x_name", "y_name")]
     for k, axes in enumerate(figure.axes, 1):
         words = (axes.get_xlabel() or figure.get_supxlabel(), axes.get_ylabel() or figure.get_supylabel())
         columns, rows_of = _names(axes.xaxis), _names(axes.yaxis)
         for label, points in _points(axes):
             about = (k, axes.get_title(loc="left"), *words, "" if label.startswith("_") else label)
             for x, y, *value in points:
-                rows.writerow((*about, x, y, *(value or [""]), _nearest(columns, x), _nearest(rows_of, y)))
-    return file.getvalue()
+                rows.append((*about, x, y, *(value or [""]), _nearest(columns, x), _nearest(rows_of, y)))
+    return csv_text(rows)
 
 
 def _names(axis: Axis) -> dict[float, str]:

@@ -3,7 +3,6 @@
 Measured and simulated recordings are treated alike.
 """
 
-import csv
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,7 +15,7 @@ import numpy as np
 
 from steer_env import metrics, targets
 from steer_env.experiments.pages import car_pictures, pictures, plots, provenance
-from steer_env.experiments.pages.files import replaced_directory
+from steer_env.experiments.pages.files import csv_text, replaced_directory, write_text
 from steer_env.experiments.pages.metrics_json import entries
 from steer_env.experiments.pages.pages import Page, image, place
 from steer_env.experiments.pages.words import label, listed, number, percent
@@ -388,11 +387,12 @@ def _picture(found: Assessment, drawn: Sequence[plots.Panel], limits: Sequence[p
         }
         return f'<img src="{image(pictures.differences(rows, MATTERS))}" alt="Largest differences">'
     if found.bands:
-        places = dict[str, list[float]]()
+        places, colours = dict[str, list[float]](), dict[str, list[str]]()
         for name, (low, high) in ((name, band.good) for name, band in found.bands.items()):
-            of = [values[name] for values in found.values.values()]
-            places[label(name)] = [(v.value - low) / (high - low) for v in of if not v.reason]
-        return f'<img src="{image(car_pictures.in_ranges(places))}" alt="Metrics in their target bands">'
+            rated = [(found.values[of][name], ratings[name]) for of, ratings in found.ratings.items()]
+            places[label(name)] = [(value.value - low) / (high - low) for value, rating in rated if rating]
+            colours[label(name)] = [rating.colour for _, rating in rated if rating]
+        return f'<img src="{image(car_pictures.in_ranges(places, colours))}" alt="Metrics in their target bands">'
     return plots.markup(drawn[:1], found.test, full)
 
 
@@ -403,7 +403,9 @@ def _caption(found: Assessment) -> str:
     if found.differences:
         return f"Largest differences from {next(iter(found.values))}; less than {percent(MATTERS)} is shaded."
     if found.bands:
-        return "Each dot is a metric in its good band (green); a diamond is outside, at the edge if far outside."
+        return (
+            "Each sign is a metric over its good band (shaded): ● good, ▲ fair, ■ outside, at the edge if far outside."
+        )
     return ""
 
 
@@ -471,5 +473,4 @@ def write(
     trace = provenance.trace() if trace is None else trace
     with replaced_directory(out, CONTENTS) as part:
         place(part, page_of(found, recordings, trace, full), {"evaluation.json": as_json(found)}, trace)
-        with (part / "metrics.csv").open("w", encoding="utf-8", newline="") as file:
-            csv.writer(file).writerows(as_rows(found))
+        write_text(part / "metrics.csv", csv_text(as_rows(found)))

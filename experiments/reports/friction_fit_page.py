@@ -24,6 +24,7 @@ from steer_env.experiments.reports.friction_fit import SHOWN, Found, contents, k
 from steer_env.friction import Compared, Fit
 from steer_env.friction.identification import periods
 from steer_env.friction.law import LAWS
+from steer_env.metrics.common import just_noticeable
 
 ADVICE = ": try another law with friction.compare"  # at the end of a warning of a law that does not describe the record
 ROWS = 10  # of the first table
@@ -47,16 +48,26 @@ def percent(found: Found, value: float) -> float:
 
 
 def verdict(found: Found) -> str:
-    """One sentence: the laws that the record cannot tell from the best one, and what they leave."""
+    """One sentence: the laws that describe the record best, and which others a driver would notice in their place."""
+    off = apart(found) if found.record.of_a_column else {}
     template = environment().get_template("friction_fit_said.html.j2")
     said = template.render(
         found=found,
         equals=[_title(each.law) for each in found.equals],
         shares=[shares(found, each) for each in found.equals],
         fitted=len(found.curves),
+        off=max(off.values(), default=None),
+        noticed=[_title(law) for law, torque in off.items() if torque >= just_noticeable.TORQUE],
         repeats=None if found.repeats is None else percent(found, found.repeats),
     )
     return capital(str(Markup(said.strip()).unescape())).replace(" %", "\u00a0%")
+
+
+def apart(found: Found) -> dict[str, float]:
+    """How far the friction of each law that leaves more is from the best one's where it judges, RMS, as recorded."""
+    others = [each.law for each in found.laws if found.apart(each)]
+    best = found.curves[found.best.law][found.first :] if found.best else np.zeros(0)
+    return {law: float(np.sqrt(np.mean((found.curves[law][found.first :] - best) ** 2))) for law in others}
 
 
 def shares(found: Found, each: Compared) -> tuple[float, float, float]:

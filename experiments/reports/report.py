@@ -29,7 +29,6 @@ from steer_env.vehicle.steering.eps import SAMPLE_TIME
 CONTENTS = frozenset({"index.html", "metrics.json", LIVE})
 EVERYTHING = Scope()
 LONGEST = 10  # rows of the first table
-WANTED = "compact"  # target bands that the summary rates the laws by
 
 
 class Look(NamedTuple):
@@ -53,6 +52,8 @@ def metrics_json(results: Results, source: dict[str, Any], look: Look = DEFAULT)
             }
             for law in results.laws
         },
+        "verdict": report_findings.verdict(results, report_findings.terms(results, look.noticed)),
+        "small_turns": {law: entries(drive.values) for law, drive in results.small_turns.items()},
         "differences": _differences_json(results.drives, results.base, look.noticed),
         "fitted": _fitted_json(results, look.noticed),
         "real_time": {
@@ -146,8 +147,11 @@ def page_of(results: Results, source: dict[str, Any], look: Look = DEFAULT, ahea
     feels = {test: report_findings.feel(results, test, look.noticed) for test in results.drives}
     terms = report_findings.terms(results, look.noticed)
     drawn = {**_first_pictures(results, terms, look.noticed), **_pictures(results, ahead.pictures)}
-    weave = _weave(results)
+    weave = _loops(results.drives.get("weave", {}), results.base)
     values = {
+        "verdict": report_findings.verdict(results, terms),
+        "small_turns": report_findings.small_turns(results),
+        "turn": math.degrees(friction_laws.SMALL_TURN),
         "r": results,
         "source": source,
         "findings": report_findings,
@@ -166,16 +170,15 @@ def page_of(results: Results, source: dict[str, Any], look: Look = DEFAULT, ahea
         "images": {name: image(svg) for name, svg in drawn.items()},
         "plots": {test: shown for test, shown in plots_of.items() if shown.html},
         "script": plots.script() if look.full else "",
-        "wanted": targets.load(WANTED),
+        "wanted": targets.load(report_findings.WANTED),
         "rate": targets.rating,
     }
     return Page("report", values)
 
 
-def _weave(results: Results) -> dict[str, Any]:
-    """Curves of the weave by law, those of the base law first; none where a law has not both of its channels."""
-    drives = results.drives.get("weave", {})
-    curves = {law: drives[law].curves for law in sorted(drives, key=lambda law: law != results.base)}
+def _loops(drives: Mapping[str, battery.Drive], base: str) -> dict[str, Any]:
+    """Curves of a weave by law, those of the base law first; none where a law has not both of its channels."""
+    curves = {law: drives[law].curves for law in sorted(drives, key=lambda law: law != base)}
     return curves if all({ANGLE, TORQUE} <= of.keys() for of in curves.values()) else {}
 
 
@@ -184,12 +187,10 @@ def _first_pictures(results: Results, terms: Sequence[report_findings.OnTerm], n
     history = friction_laws.HISTORIES["growing_sine"].x
     laws = sorted(results.torques, key=lambda law: law != results.base)
     drawn = {"first_loops": pictures.loops(history, {law: results.torques[law]["growing_sine"] for law in laws})}
-    if weave := _weave(results):
-        drawn["first_weave"] = pictures.weave(weave)
-    shares = {
-        term.title: {law: [row.found.value / abs(row.base.value) for row in of.known] for law, of in term.laws.items()}
-        for term in terms
-    }
+    for name, drives in (("first_small_turns", results.small_turns), ("first_weave", results.drives.get("weave", {}))):
+        if curves := _loops(drives, results.base):
+            drawn[name] = pictures.weave(curves)
+    shares = {term.title: {law: [row.of_base for row in of.known] for law, of in term.laws.items()} for term in terms}
     if any(values for of in shares.values() for values in of.values()):
         drawn["first_terms"] = pictures.terms(shares, noticed)
         with kept(None):

@@ -2,13 +2,13 @@
 
 import math
 from collections import Counter, defaultdict
-from collections.abc import Iterable
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from steer_env import targets
-from steer_env.experiments.pages.words import label, plain
+from steer_env.experiments.pages.words import change, label, listed, percent, plain
 from steer_env.experiments.reports.report_results import Drives, Results
 from steer_env.experiments.studies import friction_laws, real_time
 from steer_env.experiments.studies.common import assist_margins, battery
@@ -22,6 +22,8 @@ from steer_env.manoeuvres import Manoeuvre
 from steer_env.metrics import Value
 from steer_env.metrics.common import just_noticeable
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
+
+WANTED = "compact"  # target bands that the summary rates the laws by
 
 __all__ = ["LEAST", "MATTERS", "TARGETS", "plain"]  # the templates reach these through this module
 
@@ -63,6 +65,11 @@ class Differing(NamedTuple):
     law: str
     base: Value
     found: battery.Difference
+
+    @property
+    def of_base(self) -> float:
+        """The difference as a share of the base law's value [1]."""
+        return self.found.value / abs(self.base.value)
 
 
 class Differences(NamedTuple):
@@ -156,23 +163,17 @@ class OnTerm(NamedTuple):
     laws: dict[str, Compared]  # without the base law
 
     @property
-    def metrics(self) -> int:
-        """Number of metrics that are compared."""
-        return _metrics(row for row in self.differences.rows if math.isfinite(row.found.value))
-
-    @property
-    def thresholds(self) -> int:
-        """Number of metrics with a known threshold of perception."""
-        return _metrics(self.differences.known)
-
-    @property
     def felt(self) -> list[str]:
         """The laws that a driver would tell from the base law."""
         return [law for law, of in self.laws.items() if of.perceptible]
 
-
-def _metrics(rows: Iterable[Differing]) -> int:
-    return len({(row.test, row.metric) for row in rows})
+    @property
+    def most(self) -> str:
+        """Where a driver would notice most, and by how much; empty where no law is noticed."""
+        if not self.differences.perceptible:
+            return ""
+        row = self.differences.perceptible[0]
+        return f"most in {row.test.replace('-', ' ')}: {label(row.metric)} {change(row.of_base)}"
 
 
 def terms(results: Results, noticed: float = just_noticeable.SHARE) -> list[OnTerm]:
@@ -184,6 +185,67 @@ def terms(results: Results, noticed: float = just_noticeable.SHARE) -> list[OnTe
         fitted = differences(results.fitted.drives, own, noticed)
         found.append(OnTerm("each law fitted to the same measurement", own, fitted, by_law(fitted)))
     return found
+
+
+def verdict(results: Results, found: Sequence[OnTerm]) -> str:
+    """Which laws a driver would notice in place of the base law, where and by how much, in at most 25 words."""
+    base, (shared, *fitted) = results.base, found
+    if not shared.laws:
+        counts = rated(results, targets.load(WANTED), base)
+        return (
+            f"With {base} friction {counts['green']} of {sum(counts.values())} rated metrics of this car are in their "
+            f"good band, {counts['amber']} in the fair band and {counts['red']} outside it."
+        )
+    if not shared.differences.known:
+        (row,) = shared.differences.rows[:1] or [None]
+        if row is None or not math.isfinite(row.found.share):
+            return "Whether a driver would notice a difference is not known for what was driven here."
+        what = f"most differs {label(row.metric)} in {row.test.replace('-', ' ')}, by {change(row.found.share)}"
+        return f"Whether a driver would notice is not known for what was driven here; {what} with {row.law}."
+    own = fitted[0].felt if fitted else []
+    if shared.felt:
+        after = f"; with each fitted, {_few(own) if own else 'none'}" if fitted else ""
+        return f"A driver would notice {_few(shared.felt)} in place of {base}, {shared.most}{after}."
+    if own:
+        none = f"With one calibration a driver would notice no law instead of {base}"
+        return f"{none}; each fitted, {_few(own)}, {fitted[0].most}."
+    largest = max(abs(row.of_base) for term in found for row in term.differences.known)
+    return (
+        f"A driver would notice no other law in place of {base}: steady hand torques and angles differ by at most "
+        f"{percent(largest)}."
+    )
+
+
+def _few(laws: Sequence[str]) -> str:
+    """Laws by name, or their number where there are many."""
+    return listed(laws) if len(laws) < 3 else f"{len(laws)} laws"
+
+
+class SmallTurns(NamedTuple):
+    """The work that is lost at the hands in a cycle of small turns, with the laws that lose least and most."""
+
+    lost: dict[str, float]  # law -> work [J]
+    least: str
+    most: str
+    weave: float  # ratio of the same two works in the weave of the standard, NaN without it [1]
+
+    @property
+    def ratio(self) -> float:
+        """Most over least [1]."""
+        return self.lost[self.most] / self.lost[self.least]
+
+
+def small_turns(results: Results) -> SmallTurns | None:
+    """What the laws with dry friction lose in small turns; None where fewer than two were driven."""
+    driven = [results.base, *dry(results)]
+    lost = {law: results.small_turns[law].values["loop_area"].value for law in driven}
+    lost = {law: work for law, work in lost.items() if work > 0.0}  # a refused one is not a number
+    if len(lost) < 2:
+        return None
+    least, most = min(lost, key=lost.__getitem__), max(lost, key=lost.__getitem__)
+    weave = results.drives.get("weave", {})
+    works = [weave[law].values["loop_area"].value if weave else math.nan for law in (most, least)]
+    return SmallTurns(lost, least, most, works[0] / works[1])
 
 
 def rated(results: Results, wanted: targets.Targets, law: str) -> dict[str, int]:

@@ -73,6 +73,7 @@ class Results(NamedTuple):
     car: cars.Car
     manoeuvres: dict[str, Manoeuvre]  # by test
     drives: Drives
+    small_turns: dict[str, battery.Drive]  # law -> the weave with turns as small as on a straight road
     fitted: FittedLaws  # each law fitted to the measured friction, by its name; those that can be
     torques: dict[str, dict[str, Any]]
     held: list[friction_laws.Held]
@@ -92,9 +93,9 @@ def _drive(car: cars.Car, manoeuvre: Manoeuvre, p: Any, chassis: str | None) -> 
         return manoeuvres.drive(car, manoeuvre, p, simulator)
 
 
-def _of_test(scope: Scope, test: str, laws: Mapping[str, Any]) -> dict[str, battery.Drive]:
+def _of_test(scope: Scope, test: str, options: Mapping[str, Any], laws: Mapping[str, Any]) -> dict[str, battery.Drive]:
     car, run = scope.loaded(), partial(_drive, chassis=scope.chassis)
-    return {law: battery.drive(car, p, test, scope.tests[test], run) for law, p in laws.items()}
+    return {law: battery.drive(car, p, test, options, run) for law, p in laws.items()}
 
 
 def _fitted(scope: Scope, law: str) -> tuple[Judged, dict[str, battery.Drive]]:
@@ -102,7 +103,7 @@ def _fitted(scope: Scope, law: str) -> tuple[Judged, dict[str, battery.Drive]]:
     (found,) = friction_records.judge((friction_records.rig(), [law]))
     if found.parameters is None:
         return found, {}
-    return found, {test: _of_test(scope, test, {law: found.parameters})[law] for test in scope.tests}
+    return found, {test: _of_test(scope, test, of, {law: found.parameters})[law] for test, of in scope.tests.items()}
 
 
 def _of_law(scope: Scope, p: Any, held: bool) -> LawResult:
@@ -126,6 +127,7 @@ _PARTS: dict[str, Callable[..., Any]] = {
     "full vehicle": vehicle.collect,
     "loop widths": loop_width.collect,
     "test": _of_test,
+    "small turns": _of_test,
     "law": _of_law,
     "fitted": _fitted,
     "margins": assist_cells,
@@ -134,7 +136,15 @@ _PARTS: dict[str, Callable[..., Any]] = {
 
 # Times that they take with eleven laws, by which the time that is left is told [s]; the fit of Bouc-Wen has an exponent
 # that is no whole number.
-_COST = {"full vehicle": 0.7, "loop widths": 3.5, "test": 1.1, "law": 0.6, "fitted": 2.4, "margins": 0.05}
+_COST = {
+    "full vehicle": 0.7,
+    "loop widths": 3.5,
+    "test": 1.1,
+    "small turns": 1.1,
+    "law": 0.6,
+    "fitted": 2.4,
+    "margins": 0.05,
+}
 _DEAR = {("fitted", "bouc_wen"): 9.0}
 
 
@@ -163,7 +173,8 @@ def _parts(laws: dict[str, Any], base: str, car: cars.Car, scope: Scope) -> list
     parts = [Part("fitted", law, (scope, law)) for law in friction_records.fittable(list(first))]
     if scope.widths:
         parts.append(Part("loop widths", None, ([car], ["lugre"], tuple(loop_width.TESTS), scope.widths)))
-    parts += [Part("test", test, (scope, test, laws)) for test in scope.tests]
+    parts += [Part("test", test, (scope, test, options, laws)) for test, options in scope.tests.items()]
+    parts.append(Part("small turns", None, (scope, "weave", friction_laws.SMALL_TURNS, laws)))
     parts += [Part("full vehicle", None, (car, laws[base]))] if scope.vehicle else []
     parts += [Part("law", law, (scope, p, first[law_of(p).name] == law)) for law, p in laws.items()]
     return parts + [Part("margins", kph, (car, kph, list(laws.values()))) for kph in scope.speeds_kph]
@@ -206,6 +217,7 @@ def collect(
         car=car,
         manoeuvres={test: manoeuvres.make(test, **options) for test, options in scope.tests.items()},
         drives={test: found["test", test] for test in scope.tests},
+        small_turns=found["small turns", None],
         fitted=FittedLaws(
             {law: fit.parameters for law, (fit, _) in fits.items()},
             {test: {law: drives[test] for law, (_, drives) in fits.items()} for test in scope.tests},

@@ -24,14 +24,13 @@ from steer_env.hand_torque import Identified
 from steer_env.hand_torque.drive import FEWEST
 from steer_env.hand_torque.fit import NONE, QUANTITIES, VISCOUS, Fitted, at_ends
 from steer_env.hand_torque.model import BEND, RATE, UNITS, on_samples
-from steer_env.metrics.common.just_noticeable import LEAST, SHARE
+from steer_env.metrics.common import just_noticeable
 from steer_env.vehicle import cars
 
 ROWS = 10  # of the first table
 SECONDS = 30.0  # of the judging part that are drawn over time [s]
 POINTS = 1500  # of a picture, at most
 TITLES = {NONE: "no damping, no friction", VISCOUS: "damping and tyres alone"}
-NOTICED = SHARE * LEAST["N m"]  # smallest difference of a sustained torque that is known to be noticed [N m]
 SITES = {"F_u": "above", "F_c": "below"}  # level -> where its friction is, by the torsion bar
 PRIOR = ("ratio", "wheelbase", "understeer")  # of (H2), not determined
 
@@ -174,7 +173,7 @@ def as_json(found: Identified, names: Sequence[str], of_car: ColumnFit | str) ->
         "chosen": found.chosen,
         "equals": list(found.equals),
         "apart": found.apart,
-        "noticed_from": NOTICED,
+        "noticed_from": just_noticeable.TORQUE,
         "not_determined": list(PRIOR),
         "notes": list(at_ends(found)),
         "rows": {row.name: _row(row) for row in found.rows},
@@ -301,7 +300,7 @@ def page_of(found: Identified, names: Sequence[str], folder: str, of_car: Column
         "seconds": judged,
         "fitted_seconds": fitted,
         "picture": image(measured_over_predicted(found, names)),
-        "noticed": NOTICED,
+        "noticed": just_noticeable.TORQUE,
         "fewest": FEWEST,
         "degrees": math.degrees,
         "without": found.row(VISCOUS),

@@ -173,7 +173,11 @@ def of_laws(r: Results) -> dict[str, Any]:
     remembering = [row for law in r.remembers() for row in levels.get(law, [])]
     measured = [row for row in factors.get(cases.MEASURED, []) if row.case.level in r.remembers()]
     ranked = sorted(_summaries(levels).items(), key=lambda pair: -pair[1].large)
+    felt = [row for row in remembering if row.noticed]
     return {
+        "felt": list(dict.fromkeys(row.case.level for row in felt)),
+        "felt_fitted": list(dict.fromkeys(row.case.level for row in measured if row.noticed)),
+        "largest": cases.summary(felt or remembering).largest,
         "remembering": cases.summary(remembering),
         "other": _summaries({law: rows for law, rows in levels.items() if law not in r.remembers()}),
         "measured": cases.summary(measured) if measured else None,

@@ -26,6 +26,10 @@ from steer_env.vehicle.steering.eps import SAMPLE_TIME, without_assist
 
 Array = NDArray[np.float64]
 
+# Half of the turns from a reversal to the next span at most twice this in the packaged motorway drive [rad]; laws with
+# one calibration differ most in turns that are hardly longer than their pre-sliding distance.
+SMALL_TURN = math.radians(0.8)
+SMALL_TURNS = {"amplitude": SMALL_TURN, "cycles": 6}  # options of the weave
 HELD_TORQUE = 3.0  # of the hands, where the boost curve of the packaged cars is steep; assumed [N m]
 NO_TORQUE = 1e-6  # torque of creeping below which a law counts as frictionless, as a damper of 1 kN m s/rad does [N m]
 

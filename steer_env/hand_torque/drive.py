@@ -105,7 +105,7 @@ def prepared(recording: Recording, prior: Prior | None = None, slowest: float = 
             else:
                 notes += (f"{name} does not follow the other torques, and is not compared with a car",)
     record_notes, notes = notes, (*notes, *told)
-    turns = corrections(angle[used])
+    turns = len(reversals(angle[used]))
     if turns < FEWEST:
         notes += (
             f"the angle turns back {turns} times after {np.degrees(TURN):g} deg or more, and friction shows at such "
@@ -117,14 +117,15 @@ def prepared(recording: Recording, prior: Prior | None = None, slowest: float = 
     )
 
 
-def corrections(angle: Array) -> int:
-    """Number of reversals of an angle (T,) [rad] after a travel of at least ``TURN``."""
-    found, side, end = 0, 0.0, float(angle[0])
+def reversals(angle: Array, travel: float = TURN) -> list[float]:
+    """Where an angle (T,) [rad] turns back, by at least ``travel`` and after as much [rad]."""
+    found, side, end = [], 0.0, float(angle[0])
     for x in angle:
-        if side * (x - end) > 0.0 or (side == 0.0 and abs(x - end) >= TURN):
+        if side * (x - end) > 0.0 or (side == 0.0 and abs(x - end) >= travel):
             side, end = side or float(np.sign(x - end)), float(x)
-        elif side and abs(x - end) >= TURN:
-            found, side, end = found + 1, -side, float(x)
+        elif side and abs(x - end) >= travel:
+            found.append(end)
+            side, end = -side, float(x)
     return found
 
 

@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.friction import response
-from steer_env.hand_torque.drive import FEWEST, at_instants, corrections, even, prepared
+from steer_env.hand_torque.drive import FEWEST, at_instants, even, prepared, reversals
 from steer_env.hand_torque.model import smoothed, stretched
 from steer_env.metrics.common.confidence import interval
 from steer_env.metrics.common.definitions import Bounded, Doubt, RefusedError, declare, metric, register_evaluation
@@ -283,7 +283,7 @@ class Road:
     def corrections(self) -> Array:
         """Corrections by time (n,), of each block [1/s]."""
         angle, dt = self.drive.angle, self.drive.dt
-        return np.array([corrections(angle[block]) / (angle[block].size * dt) for block in self.blocks])
+        return np.array([len(reversals(angle[block])) / (angle[block].size * dt) for block in self.blocks])
 
 
 def _blocks(used: Mask, dt: float) -> list[slice]:

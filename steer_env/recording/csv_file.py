@@ -34,17 +34,26 @@ _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f]")  # characters that no table has
 _BLOCK = 10_000  # rows that are converted to text at a time, which limits the memory
 
 
+SEPARATORS = {".": ",", ",": ";"}  # decimal sign -> what separates columns then
+
+
 def save(
-    file: IO[bytes], time: np.ndarray, channels: list[tuple[str, str, np.ndarray]], meta: Mapping[str, Any]
+    file: IO[bytes],
+    time: np.ndarray,
+    channels: list[tuple[str, str, np.ndarray]],
+    meta: Mapping[str, Any],
+    decimal: str = ".",
 ) -> None:
     """Write the channels (name, unit in memory, values in file units); every number is read back unchanged."""
-    file.write(head([(name, unit) for name, unit, _ in channels], meta))
+    separator = SEPARATORS[decimal]
+    file.write(head([(name, unit) for name, unit, _ in channels], meta, separator))
     for start in range(0, time.size, _BLOCK):
         rows = np.column_stack([values[start : start + _BLOCK] for values in (time, *(v for _, _, v in channels))])
-        file.write("".join([",".join(map(repr, row)) + "\n" for row in rows.tolist()]).encode())
+        text = "".join([separator.join(map(repr, row)) + "\n" for row in rows.tolist()])
+        file.write(text.replace(".", decimal).encode())
 
 
-def head(channels: Sequence[tuple[str, str]], meta: Mapping[str, Any]) -> bytes:
+def head(channels: Sequence[tuple[str, str]], meta: Mapping[str, Any], separator: str = ",") -> bytes:
     """What stands above the rows: the meta, and the names of the channels (name, unit in memory)."""
     header = ["time_s"]
     for name, unit in channels:
@@ -52,7 +61,7 @@ def head(channels: Sequence[tuple[str, str]], meta: Mapping[str, Any]) -> bytes:
         if len(name.splitlines()) != 1 or re.search("[,;\t]", name) or [header[-1]] != _cells(header[-1], ","):
             raise ValueError(f"channel {name!r} in {unit!r} cannot be a column: rename the channel")
     lines = [f"# {key}: {_meta_text(value)}\n" for key, value in meta.items()]
-    return ("".join(lines) + ",".join(header) + "\n").encode()
+    return ("".join(lines) + separator.join(header) + "\n").encode()
 
 
 @contextmanager

@@ -155,7 +155,7 @@ def opened(path: str | os.PathLike[str], can: can_log.Options | None = None, sou
     return table
 
 
-def write(recording: Recording, path: str | os.PathLike[str], *, digits: int | None = None) -> None:
+def write(recording: Recording, path: str | os.PathLike[str], *, digits: int | None = None, decimal: str = ".") -> None:
     """Write a recording to a file, whose suffix gives the format.
 
     The recording is written to a file beside ``path``, which is then renamed, so ``path`` is never incomplete.
@@ -167,11 +167,13 @@ def write(recording: Recording, path: str | os.PathLike[str], *, digits: int | N
     digits : int, optional
         Significant digits of the values in the file's units, which make a text file smaller; by default all of them.
         The time, to the nanosecond then, and the meta are not rounded to them.
+    decimal : str
+        Decimal sign of a .csv, "." or ","; with a comma the columns are separated by semicolons.
 
     Raises
     ------
     ValueError
-        If the suffix is none of ``FORMATS``, or if the format cannot hold a channel's name.
+        If the suffix is none of ``FORMATS``, or if the format cannot hold a channel's name or the decimal sign.
     """
     path = Path(path)
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
@@ -179,13 +181,17 @@ def write(recording: Recording, path: str | os.PathLike[str], *, digits: int | N
         if csv_file.compressed(path):
             raise ValueError(f"{csv_file.COMPRESSED} is read, not written: write a .csv, and compress it with gzip")
         form = _format(path)
+        if decimal != "." and form is not csv_file:
+            raise ValueError(f"the decimal sign {decimal!r} is of .csv files: give such a file, or leave it out")
+        if decimal not in csv_file.SEPARATORS:
+            raise ValueError(f"the decimal sign must be one of {', '.join(csv_file.SEPARATORS)}, got {decimal!r}")
         channels = [
             (name, recording.units[name], _rounded(values / FILE_UNITS[recording.units[name]][1], digits))
             for name, values in recording.channels.items()
         ]
         time = recording.time if digits is None else np.round(recording.time, 9)
         with open(part, "w+b") as file:
-            form.save(file, time, channels, recording.meta)
+            form.save(file, time, channels, recording.meta, **({"decimal": decimal} if form is csv_file else {}))
         os.replace(part, path)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None

@@ -7,7 +7,10 @@ import pytest
 
 from steer_env import friction, manoeuvres
 from steer_env.experiments.studies import friction_laws as study
+from steer_env.experiments.studies import readme_picture
 from steer_env.experiments.studies.common import battery
+from steer_env.experiments.studies.common.friction_records import road_drive
+from steer_env.hand_torque.drive import reversals
 from steer_env.vehicle import cars
 
 
@@ -23,6 +26,22 @@ def test_one_calibration_holds_on_the_saturated_branches_only():
     assert dahl.saturated < dahl.nested < 1e-3  # LuGre without its damper, which hardly acts at this speed
     assert masing.saturated < 0.01  # ten elements stand for a smooth curve
     assert 0.02 < masing.nested < 0.05
+
+
+def test_laws_of_one_calibration_differ_in_small_turns_and_coincide_in_the_weave():
+    def lost(law, options):
+        drive = battery.drive(cars.load(), friction.make(law), "weave", options)
+        return drive.values["loop_area"].value
+
+    small, weave = ([lost(law, options) for law in readme_picture.LAWS] for options in readme_picture.TESTS.values())
+    assert max(small) > 9.0 * min(small)
+    assert max(weave) < 1.05 * min(weave)
+
+
+def test_the_small_turns_are_those_of_hands_on_a_motorway():
+    """Half of the turns span no more, to the step by which the recorded traffic tells angles apart."""
+    turns = np.abs(np.diff(reversals(road_drive()["handwheel_angle"], readme_picture.LEAST)))
+    assert np.median(turns) == pytest.approx(2.0 * study.SMALL_TURN, abs=0.1 * study.DEGREE)
 
 
 def test_dry_and_set_valued_are_read_off_any_law(toy):

@@ -1,6 +1,7 @@
 """What the report is made with: atomic output, worker processes, provenance, differences of metrics."""
 
 import csv
+import io
 import json
 import os
 import re
@@ -15,7 +16,7 @@ from scipy import stats
 from steer_env import friction, metrics
 from steer_env.experiments import sweep
 from steer_env.experiments.cli.main import main
-from steer_env.experiments.pages import options, pages, pictures, provenance, style, words
+from steer_env.experiments.pages import files, options, pages, pictures, provenance, style, words
 from steer_env.experiments.pages.files import replaced_directory, write_text
 from steer_env.experiments.reports import report
 from steer_env.experiments.studies.common import battery
@@ -208,16 +209,26 @@ def _absolute(path):
 def test_pictures_are_kept_as_files_with_their_data(tmp_path):
     with style.kept(tmp_path):
         text = [_drawn(), _drawn()][0]
-    expected = {f"drawn{number}.{form}" for form in ("csv", "pdf", "svg") for number in ("", "_2")}
+    expected = {f"drawn{number}.{form}" for form in ("csv", "pdf", "png", "svg") for number in ("", "_2")}
     assert {each.name for each in tmp_path.iterdir()} == expected
     assert (tmp_path / "drawn.svg").read_text(encoding="utf-8") == text
     assert (tmp_path / "drawn.pdf").read_bytes().startswith(b"%PDF")
+    assert (tmp_path / "drawn.png").read_bytes().startswith(b"\x89PNG")
     rows = list(csv.DictReader((tmp_path / "drawn.csv").read_text(encoding="utf-8").splitlines()))
     line = [row for row in rows if row["label"] == 'a "b" & <c>']
     assert [(float(row["x"]), float(row["y"])) for row in line] == [(0.0, 0.0), (1.0, 0.123456), (2.0, -0.4)]
     assert ("1.0", "0.0") in [(row["x"], row["y"]) for row in rows]  # the end of the bar
     assert _drawn() == text  # which is kept nowhere
-    assert len(list(tmp_path.iterdir())) == 6
+    assert len(list(tmp_path.iterdir())) == 8
+
+
+def test_a_table_with_a_decimal_comma_is_the_same_table():
+    rows = [("name", "x"), ("a, b", 1.5), ("c;d", -2.0), ("e.f", 3)]
+    with files.csv_decimal(","):
+        text = files.csv_text(rows)
+    assert '"c;d";-2,0' in text
+    read = [[name, x.replace(",", ".")] for name, x in csv.reader(io.StringIO(text), delimiter=";")]
+    assert read == list(csv.reader(io.StringIO(files.csv_text(rows))))
 
 
 def test_the_data_of_a_picture_name_its_rows(tmp_path):

@@ -1,6 +1,7 @@
 """The report with a reduced scope: complete, self-contained, and with the numbers of the other commands."""
 
 import json
+import re
 from functools import partial
 from html.parser import HTMLParser
 from urllib.parse import unquote
@@ -11,7 +12,7 @@ import pytest
 from steer_env import friction
 from steer_env.experiments import sweep
 from steer_env.experiments.cli.main import main
-from steer_env.experiments.pages import traces
+from steer_env.experiments.pages import traces, words
 from steer_env.experiments.reports import report, report_findings
 from steer_env.experiments.reports.report_results import Scope
 from steer_env.vehicle import cars
@@ -121,6 +122,41 @@ def test_a_law_that_a_driver_feels_is_told(made, source):
         assert bool(report_findings.terms(changed, noticed)[0].laws["masing"].perceptible) == felt
         json_of = report.metrics_json(changed, source, report.Look(noticed=noticed))["differences"]["laws"]["masing"]
         assert (json_of["step_steer.steady_step_torque"]["perception"] == "perceptible") == felt
+
+
+def test_the_verdict_names_who_is_noticed_where_and_by_how_much(made):
+    def said(*felt):
+        """The verdict where these terms have one metric that is perceptible, and all others are alike."""
+        found = []
+        for term, noticed in zip(report_findings.terms(made[1]), felt):
+            known = [row for row in term.differences.known if row.law == "masing"]
+            perceptible = known[:1] if noticed else []
+            laws = {"masing": term.laws["masing"]._replace(perceptible=perceptible)}
+            found.append(term._replace(differences=term.differences._replace(perceptible=perceptible), laws=laws))
+        return report_findings.verdict(made[1], found), found
+
+    none, (shared, fitted) = said(False, False)
+    largest = max(abs(row.of_base) for term in (shared, fitted) for row in term.differences.known)
+    assert "no other law" in none
+    assert words.percent(largest) in none
+    both, (shared, _) = said(True, True)
+    own, (_, fitted) = said(False, True)
+    for text, term in ((both, shared), (own, fitted)):
+        row = term.differences.perceptible[0]
+        assert {"masing", "lugre"} <= set(re.findall(r"\w+", text))
+        assert words.label(row.metric) in text
+        assert row.test.replace("-", " ") in text
+        assert words.change(row.of_base) in text
+    assert all(len(text.split()) <= 25 for text in (none, both, own))
+
+
+def test_small_turns_name_the_laws_that_lose_least_and_most(made):
+    found = report_findings.small_turns(made[1])
+    lost = {law: made[1].small_turns[law].values["loop_area"].value for law in LAWS}
+    assert found.lost == lost
+    assert lost[found.most] == max(lost.values())
+    assert lost[found.least] == min(lost.values())
+    assert found.ratio > found.weave
 
 
 def test_both_files_hold_the_trace(made):

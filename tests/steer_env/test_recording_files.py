@@ -45,6 +45,21 @@ def test_a_recording_is_the_same_through_every_format(weave, tmp_path, suffix):
         np.testing.assert_allclose(found[name][:3], value[:3], rtol=1e-9, atol=1e-12)
 
 
+def test_a_file_with_a_decimal_comma_is_the_same_recording(weave, tmp_path):
+    plain, comma = tmp_path / "plain.csv", tmp_path / "comma.csv"
+    write(weave, plain)
+    write(weave, comma, decimal=",")
+    assert "time_s;" in comma.read_text(encoding="utf-8")
+    one, other = read(plain), read(comma)
+    for name in one.channels:
+        np.testing.assert_array_equal(other[name], one[name])
+    assert other.meta == one.meta
+    with pytest.raises(ValueError, match=r"decimal sign ',' is of \.csv files"):
+        write(weave, tmp_path / "comma.mat", decimal=",")
+    with pytest.raises(ValueError, match=r"must be one of .*got ';'"):
+        write(weave, comma, decimal=";")
+
+
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_gaps_and_odd_meta_survive(tmp_path, suffix):
     written = Recording(

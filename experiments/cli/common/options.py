@@ -2,8 +2,8 @@
 
 import argparse
 import math
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -11,6 +11,7 @@ from steer_env.experiments.cli.common import extras, names
 from steer_env.experiments.learning.constants import HELD_OUT, SHIPPED, VALIDATION
 from steer_env.experiments.pages import car_options
 from steer_env.experiments.pages.options import FRICTION, SITES, Friction
+from steer_env.recording import csv_file
 
 if TYPE_CHECKING:
     from steer_env.experiments.explore.beside import Beside
@@ -30,6 +31,7 @@ __all__ = [
     "SUBSYSTEMS",
     "TORQUE",
     "add",
+    "add_csv",
     "add_evaluation",
     "add_figures",
     "add_noticed",
@@ -232,25 +234,38 @@ def live(args: argparse.Namespace) -> "type[Beside] | None":
 
 
 def add_figures(parser: argparse._ActionsContainer) -> None:
-    """Add ``--figures``."""
-    text = "also write every picture into this directory, as SVG and PDF with its data as CSV"
+    """Add ``--figures`` and ``--csv-decimal``."""
+    text = "also write every picture into this directory, as SVG, PDF and PNG with its data as CSV"
     parser.add_argument("--figures", metavar="DIR", type=Path, help=text)
+    add_csv(parser)
 
 
-def figures(args: argparse.Namespace) -> AbstractContextManager[None]:
-    """The context in which pictures are also written where ``--figures`` says.
+def add_csv(parser: argparse._ActionsContainer) -> None:
+    """Add ``--csv-decimal``, which every command that writes CSV files has."""
+    text = "decimal sign of the CSV files that are written; with ',' the columns are separated by ';' (default: .)"
+    parser.add_argument("--csv-decimal", metavar="SIGN", choices=tuple(csv_file.SEPARATORS), default=".", help=text)
+
+
+@contextmanager
+def figures(args: argparse.Namespace) -> Iterator[None]:
+    """The context in which pictures are also written where ``--figures`` says, and tables as ``--csv-decimal`` says.
 
     Raises
     ------
     ValueError
         If the directory cannot be written.
     """
-    if getattr(args, "figures", None) is None:
-        return nullcontext()
-    from steer_env.experiments.pages import files, style
+    with ExitStack() as stack:
+        if getattr(args, "csv_decimal", ".") != ".":
+            from steer_env.experiments.pages import files
 
-    files.usable(args.figures)
-    return style.kept(args.figures)
+            stack.enter_context(files.csv_decimal(args.csv_decimal))
+        if getattr(args, "figures", None) is not None:
+            from steer_env.experiments.pages import files, style
+
+            files.usable(args.figures)
+            stack.enter_context(style.kept(args.figures))
+        yield
 
 
 def add_evaluation(parser: argparse.ArgumentParser, out: str) -> None:

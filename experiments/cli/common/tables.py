@@ -88,8 +88,8 @@ def _rating(rating: Rating | None) -> str:
 def print_differences(differences: Mapping[str, Difference], title: str) -> None:
     """Print the differences of metrics with their intervals, and whether a driver notices."""
     table = _table()
-    headings = {"metric": "left", "difference": "right", "±": "right", "unit": "left", "share": "right"}
-    for heading, justify in {**headings, "a driver": "left"}.items():
+    headings = {"metric": "left", "difference": "right", "±": "right", "unit": "left", "relative": "right"}
+    for heading, justify in {**headings, "to a driver": "left"}.items():
         table.add_column(heading, justify=justify, no_wrap=True)  # type: ignore[arg-type]
     for name, found in differences.items():
         reach = f"{found.half_width:.2g}" if found.half_width > 0.0 else ""
@@ -333,7 +333,10 @@ def print_steering(found: Identified, names: Sequence[str]) -> None:
         printer.print(f"{judged}: {each.residual:.3f} N m, {gain}", **plain)
     if found.differ:
         printer.print(f"the drives differ in {', '.join(found.differ)}: they may be of different cars", **plain)
-    printer.print(steering_fit.page_of(found, names, "").verdict[0], **plain)
+    verdict, *details = steering_fit.page_of(found, names, "").verdict
+    for text in details:
+        printer.print(text, **plain)
+    printer.print(verdict, style="bold", **plain)
 
 
 def _between(ends: tuple[float, float]) -> str:

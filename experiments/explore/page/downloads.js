@@ -81,7 +81,7 @@ function steerFiles(declared) {
   function recordingText(of, drive, kph) {
     const parameters = ofLaw(of.values).map(([key, value]) => `${key}=${value}`).join(",");
     const meta = {
-      manoeuvre: drive.manoeuvre, vehicle: car.name, chassis: of.chassis, friction: of.law,
+      manoeuvre: declared.drives.manoeuvres[drive.manoeuvre].name, vehicle: car.name, chassis: of.chassis, friction: of.law,
       ...(parameters ? { friction_parameters: parameters } : {}), speed_m_s: kph / 3.6, amplitude_rad: drive.amplitude,
       changed: JSON.stringify(of.values),
     };

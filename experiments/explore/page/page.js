@@ -42,7 +42,7 @@ async function steerDeclared(declared) {
   const worker = new Worker(URL.createObjectURL(new Blob([`"use strict";\n${text}`], { type: "text/javascript" })));
 
   const { structures, pins } = steerShown, load = steerLoading(declared);
-  const { known } = address, start = address.read(location.hash.slice(1));
+  const { known } = address, start = address.read(location.hash.slice(1) || declared.opening);
   let { shown } = start;
   /** @type {any} */
   let latest = null;
@@ -205,7 +205,7 @@ async function steerDeclared(declared) {
 
   /** Put the pictures of the manoeuvre on the page. */
   function lay() {
-    const { name, pictures: pairs } = manoeuvre();
+    const name = shown.manoeuvre, { pictures: pairs } = manoeuvre();
     if (!shownPictures.has(name)) {
       shownPictures.set(name, pairs.map((/** @type {[string, string]} */ [x, y], /** @type {number} */ k) =>
         ({ x, y, ...figured(x, y, k < 2) })));

@@ -25,6 +25,8 @@ ROUNDING = 1e-9  # by which a difference may miss the threshold and still reach 
 # 3 deg, the smallest force and angle of the first experiment of the same paper.
 LEAST = {"N m": 1.0, "deg": 3.0}
 
+TORQUE = SHARE * LEAST["N m"]  # smallest change of a sustained torque that is known to be noticed [N m]
+
 # Metrics that are a sustained torque or angle of the handwheel. Those of the slow weave, of slow sweeps and of the slow
 # transition change so slowly that they count as sustained (assumed).
 SUSTAINED = frozenset(

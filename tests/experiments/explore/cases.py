@@ -5,8 +5,8 @@ from itertools import cycle
 
 import pytest
 
-from steer_env import friction, manoeuvres, metrics
-from steer_env.experiments.explore import parameters
+from steer_env import friction, metrics
+from steer_env.experiments.explore import drives, parameters
 from steer_env.manoeuvres.common import driving
 from steer_env.vehicle import cars, chassis
 from tests.experiments.explore.chromium import Chromium, chromium_needed
@@ -46,7 +46,7 @@ def address(page, law="lugre", body="single_track", **values):
 
 def driven(law, body, values, name="weave"):
     """Python's recording of a standard manoeuvre with values of the page."""
-    car, made = cars.load("compact"), manoeuvres.make(name)
+    car, made = cars.load("compact"), drives.made(name)
     made = replace(made, speed=values.get("speed_kph", made.speed * 3.6) / 3.6, chassis=body)
     p = parameters.plant(car, law, body, values) if values else driving.build_plant(car, made, law)
     return driving.drive_plant(car, p, made)
@@ -54,4 +54,4 @@ def driven(law, body, values, name="weave"):
 
 def evaluated(law, body, values, name="weave"):
     """Python's metrics of the standard manoeuvre with values of the page."""
-    return metrics.evaluate(driven(law, body, values, name), name, intervals=False)
+    return metrics.evaluate(driven(law, body, values, name), intervals=False)

@@ -31,7 +31,7 @@ DRIVEN = [
     (name, *pair)
     for pair in QUICK
     for name in drives.SHOWN
-    if manoeuvres.make(name).speed or pair[1] == manoeuvres.make(name).chassis
+    if drives.made(name).speed or pair[1] == drives.made(name).chassis
 ]
 
 
@@ -52,7 +52,7 @@ def test_channels_are_those_of_the_native_plant(law, body):
 @pytest.mark.parametrize("name", drives.SHOWN)
 @pytest.mark.parametrize("course", ["whole", "moving"])
 def test_hands_move_as_those_of_python(name, course):
-    made = manoeuvres.make(name, **(drives.SHOWN[name].moving if course == "moving" else {}))
+    made = drives.made(name, moving=course == "moving")
     found = engine(*QUICK[1]).value(f"simulation.motion(drives.manoeuvres['{name}'].{course})")
     u = driving.inputs(made, 1.0, made.duration)
     for key, column in (("angle", plant.HAND), ("speed", plant.HAND_SPEED)):
@@ -66,13 +66,13 @@ def test_manoeuvres_are_those_of_python(name, law, body):
     """The amplitude, every channel that is drawn, and every metric."""
     made, expected = engine(law, body), driven(law, body, {}, name)
     values = {q["name"]: q["value"] for q in made.structure["parameters"]}
-    values |= {"speed_kph": 3.6 * manoeuvres.make(name).speed}
+    values |= {"speed_kph": 3.6 * drives.made(name).speed}
     found = made.value(ANSWER, values=values, name=name)
     assert found["amplitude"] == pytest.approx(expected.meta["amplitude_rad"], rel=1e-9)
     for channel, record in found["channels"].items():
         off = np.abs(np.array(record) - expected[channel][THIN - 1 :: THIN])
         assert off.max() <= 1e-9 * np.ptp(expected[channel]), channel
-    require_equal(found["values"], metrics.evaluate(expected, name, intervals=False))
+    require_equal(found["values"], metrics.evaluate(expected, intervals=False))
 
 
 @pytest.mark.parametrize(("law", "body"), QUICK)
@@ -84,7 +84,7 @@ def test_modules_import_nothing(law, body):
     "name", ["weave", *(pytest.param(name, marks=pytest.mark.whole) for name in drives.SHOWN if name != "weave")]
 )
 def test_metrics_of_a_changed_car_are_those_of_python(name):
-    made = manoeuvres.make(name)
+    made = drives.made(name)
     changed = CHANGED | {"speed_kph": CHANGED["speed_kph"] if made.speed else 0.0}
     require_equal(read("lugre", made.chassis, name, changed), evaluated("lugre", made.chassis, changed, name))
 
