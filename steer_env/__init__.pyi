@@ -14,6 +14,7 @@ from . import (
     tuning,
     vehicle,
 )
+from .engine.row_wrapper import RowWrapper
 from .env import SteerEnv
 from .experiments.calibration.population import population
 from .hand_torque import identify
@@ -24,6 +25,7 @@ __version__: str
 
 __all__ = [
     "REGISTERED",
+    "RowWrapper",
     "SteerEnv",
     "SteerVectorEnv",
     "assists",

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from steer_env.engine.batch import EnvironmentBatch
 from steer_env.engine.infos import Infos, checked_level
+from steer_env.engine.row_wrapper import ALL, observed, wrapper_of
 from steer_env.engine.specification import PlainSpecification
 from steer_env.engine.state import State, copied, restore
 from steer_env.friction.numerics.check import whole
@@ -72,6 +73,9 @@ class SteerEnv(PlainSpecification, gym.Env):
     info_level : {"full", "metrics", "none"}, default "full"
         What ``info`` holds: everything that is listed below, ``metrics`` alone, or nothing, which saves a single
         environment a third of the time of a step.
+    wrapper : steer_env.RowWrapper class or its place as "module:Class", optional
+        A wrapper of one's own around observations, actions and rewards: the same class in single and vector
+        environments and in ``steer_env.sb3.SteerVecEnv``.
 
     Any other keyword is an error. ``spec`` holds the arguments as text, numbers, lists and mappings, whatever objects
     were given, so that ``gymnasium.make(EnvSpec.from_json(env.spec.to_json()))`` is the same environment to the bit. A
@@ -97,14 +101,19 @@ class SteerEnv(PlainSpecification, gym.Env):
     cost_limit = COST_LIMIT
     task: Task
 
-    def __init__(self, *, render_mode: str | None = None, info_level: str = "full", **arguments: Any) -> None:
+    def __init__(
+        self, *, render_mode: str | None = None, info_level: str = "full", wrapper: Any = None, **arguments: Any
+    ) -> None:
         self.render_mode, self.info_level = checked_mode(render_mode, MODES), checked_level(info_level)
-        self.batch = batch_of(self.task, 1, arguments, ("render_mode", "info_level"))
+        self.batch = batch_of(self.task, 1, arguments, ("render_mode", "info_level", "wrapper"))
         self.control_dt = self.batch.control_dt
         self.metadata = {**self.metadata, "render_fps": frame_rate(render_mode, self.control_dt)}
         self.observation_scale = self.batch.observation_scale
         self.action_space = gym.spaces.Box(-1.0, 1.0, (1,), np.float32)
         self.observation_space = gym.spaces.Box(-self.batch.bound, self.batch.bound, dtype=np.float32)
+        self._wrapper = wrapper_of(wrapper, 1, self.observation_space, self.action_space)
+        if self._wrapper:
+            self.action_space, self.observation_space = self._wrapper.action_space, self._wrapper.observation_space
         self._infos = Infos(self.batch, info_level)
         self._view_row()
         self._renderer: Any = None
@@ -130,7 +139,11 @@ class SteerEnv(PlainSpecification, gym.Env):
         self.batch.start([0], [self.np_random], options or {})
         if self._renderer is not None:
             self._renderer.start()
-        return self._observation.copy(), self._infos.of_first(0.0, 0)
+        observation = self._observation.copy()
+        if self._wrapper:
+            self._wrapper.reset(ALL)
+            observation = observed(self._wrapper, observation[None], ALL)[0]
+        return observation, self._infos.of_first(0.0, 0)
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Hold an action in [-1, 1] for ``control_dt``; an action beyond is clipped, as a motor or an arm would do.
@@ -143,6 +156,8 @@ class SteerEnv(PlainSpecification, gym.Env):
             The episode is over or has not begun, or the environment was closed.
         """
         batch = self.batch
+        if self._wrapper:
+            action = self._wrapper.action(np.asarray(action)[None])[0]
         if not isinstance(action, np.ndarray) or action.shape != (1,) or action.dtype.kind not in "fiu":
             action = as_actions("action", action, (1,))
         if not -1.0 <= action.item() <= 1.0:
@@ -156,7 +171,11 @@ class SteerEnv(PlainSpecification, gym.Env):
             batch.over[0] = True
         if self._renderer is not None:
             self._renderer.add()
-        return self._observation.copy(), reward, terminated, truncated, self._infos.of_first(cost, failure)
+        observation, info = self._observation.copy(), self._infos.of_first(cost, failure)
+        if self._wrapper:
+            reward = float(self._wrapper.reward(np.array([reward]), info)[0])
+            observation = observed(self._wrapper, observation[None], ALL)[0]
+        return observation, reward, terminated, truncated, info
 
     def get_state(self, include_rng: bool = True) -> State:
         """A copy of everything that decides how the episode goes on, but not of wrappers and spaces.

@@ -10,6 +10,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from steer_env.engine.infos import Infos, checked_level, of_some
+from steer_env.engine.row_wrapper import ALL, Rows, observed, wrapper_of
 from steer_env.engine.specification import PlainSpecification
 from steer_env.engine.state import State, copied, restore
 from steer_env.env import as_actions, batch_of, clipped
@@ -64,6 +65,7 @@ class SteerVectorEnv(PlainSpecification, VectorEnv):
         max_episode_steps: int | None = None,
         render_mode: str | None = None,
         info_level: str = "full",
+        wrapper: Any = None,
         **arguments: Any,
     ) -> None:
         num_envs = whole("num_envs", num_envs, 1)
@@ -73,7 +75,7 @@ class SteerVectorEnv(PlainSpecification, VectorEnv):
         if threads is None:
             threads = min(most_threads(), -(-num_envs // ROWS_PER_THREAD))
         steps = None if max_episode_steps in (None, -1) else whole("max_episode_steps", max_episode_steps, 1)
-        others = ("num_envs", "autoreset_mode", "threads", "max_episode_steps", "render_mode", "info_level")
+        others = ("num_envs", "autoreset_mode", "threads", "max_episode_steps", "render_mode", "info_level", "wrapper")
         self.batch = batch_of(self.task, num_envs, arguments, others, threads=threads, max_episode_steps=steps)
         self.control_dt = self.batch.control_dt
         fps = frame_rate(render_mode, self.control_dt)
@@ -81,6 +83,11 @@ class SteerVectorEnv(PlainSpecification, VectorEnv):
         self.observation_scale = self.batch.observation_scale
         self.single_action_space = gym.spaces.Box(-1.0, 1.0, (1,), np.float32)
         self.single_observation_space = gym.spaces.Box(-self.batch.bound, self.batch.bound, dtype=np.float32)
+        self._wrapper = wrapper_of(wrapper, num_envs, self.single_observation_space, self.single_action_space)
+        if self._wrapper:
+            self.single_action_space = self._wrapper.action_space
+            self.single_observation_space = self._wrapper.observation_space
+            self._seen = np.zeros((num_envs, *self._wrapper.observation_space.shape), np.float32)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._infos = Infos(self.batch, info_level)
@@ -111,11 +118,13 @@ class SteerVectorEnv(PlainSpecification, VectorEnv):
         new = mask | (self.batch.episodes["end"] == 0)
         self._seed([each if is_new else None for each, is_new in zip(seeds, new.tolist())])
         self._start(np.flatnonzero(mask).tolist(), chosen)
-        return self.batch.arrays.observations.copy(), self._infos.of_all(mask.copy())
+        return self._observed(np.flatnonzero(mask)), self._infos.of_all(mask.copy())
 
     def _start(self, rows: list[int], options: dict[str, Any]) -> None:
         """Start an episode in some sub-environments."""
         self.batch.start(rows, self._generators, options)
+        if self._wrapper and rows:
+            self._wrapper.reset(np.array(rows))
         for i in rows if self._renderers else ():
             self._renderers[i].start()
 
@@ -132,6 +141,8 @@ class SteerVectorEnv(PlainSpecification, VectorEnv):
             There was no ``reset`` yet, or an episode is over in DISABLED mode.
         """
         batch, mode = self.batch, self.autoreset_mode
+        if self._wrapper:
+            actions = self._wrapper.action(np.asarray(actions))
         actions = clipped(as_actions("actions", actions, (self.num_envs, 1)))
         over = batch.over.copy()
         ended = np.flatnonzero(over).tolist()
@@ -144,21 +155,34 @@ class SteerVectorEnv(PlainSpecification, VectorEnv):
         rewards, terminated, truncated = (batch.episodes[key].copy() for key in ("reward", "terminated", "truncated"))
         done = terminated | truncated
         info = self._infos.of_all()
+        if self._wrapper:
+            rewards = np.where(over, rewards, self._wrapper.reward(rewards, info))  # a step that resets has no reward
+        observations = self._observed()
         if done.any():
             batch.over |= done
             if mode == AutoresetMode.SAME_STEP:  # the step that ends an episode resets at once
-                info = self._ended(done, info)
-        return batch.arrays.observations.copy(), rewards, terminated, truncated, info
+                info = self._ended(done, info, observations)
+                observations = self._observed(np.flatnonzero(done))
+        return observations, rewards, terminated, truncated, info
 
-    def _ended(self, done: NDArray[np.bool_], last: dict[str, Any]) -> dict[str, Any]:
+    def _observed(self, rows: Rows = ALL) -> NDArray[np.float32]:
+        """A copy of all observations, of which a wrapper sees those of some sub-environments anew."""
+        if not self._wrapper:
+            return self.batch.arrays.observations.copy()
+        self._seen[rows] = observed(self._wrapper, self.batch.arrays.observations[rows].copy(), rows)
+        return self._seen.copy()
+
+    def _ended(
+        self, done: NDArray[np.bool_], last: dict[str, Any], observations: NDArray[np.float32]
+    ) -> dict[str, Any]:
         """Reset the sub-environments whose episodes are done; their info, with the last one of those episodes in it."""
-        observations = np.full(self.num_envs, None, object)
+        final = np.full(self.num_envs, None, object)
         rows = np.flatnonzero(done).tolist()
         for i in rows:
-            observations[i] = self.batch.arrays.observations[i].copy()
+            final[i] = observations[i].copy()
         self._start(rows, {})
         return self._infos.of_all() | {
-            "final_obs": observations,
+            "final_obs": final,
             "_final_obs": done.copy(),
             "final_info": of_some(last, done.copy()),
             "_final_info": done.copy(),

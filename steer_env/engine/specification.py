@@ -32,6 +32,8 @@ def plain(value: Any) -> Any:
         return [plain(each) for each in value]
     if isinstance(value, Enum):
         return value.value
+    if isinstance(value, type):  # of a wrapper
+        return f"{value.__module__}:{value.__qualname__}"
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     return fspath(value) if isinstance(value, PathLike) else value
