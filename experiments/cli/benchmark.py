@@ -31,6 +31,8 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("controllers", metavar="CONTROLLER", nargs="*", help=text)
     text = f"which controllers are scored in: {', '.join(SUITES)}"
     parser.add_argument("--suite", metavar="NAME", choices=tuple(SUITES), help=text)
+    text = "an id in place of a suite; it also takes a policy that a script saved by Stable-Baselines3's model.save"
+    parser.add_argument("--env", metavar="ID", help=text)
     most = options.whole_number(2, options.MOST_EPISODES)
     options.add(parser, "--episodes", "of every controller in every id, held out", otherwise=str(EPISODES), type=most)
     text = (
@@ -48,8 +50,8 @@ def run(args: argparse.Namespace) -> int:
     from steer_env.experiments.pages.files import usable, write_text
     from steer_env.experiments.pages.options import progress
 
-    if bool(args.suite) == bool(args.verify):
-        raise ValueError(f"give one of --suite ({', '.join(SUITES)}) and --verify")
+    if sum(map(bool, (args.suite, args.env, args.verify))) != 1:
+        raise ValueError(f"give one of --suite ({', '.join(SUITES)}), --env and --verify")
     if args.verify:
         return _verify(args)
 
@@ -57,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
 
     usable(args.out)
     benchmark_page.read(args.out)  # a file that the table cannot take is told before the work
-    of = benchmark.suite(args.suite)
+    of = benchmark.suite(args.suite) if args.suite else benchmark.of_id(args.env)
     seeds = benchmark.held_out_seeds(args.episodes or EPISODES)
     entries = [_entry(text, of) for text in args.controllers or of.baselines()]
     with progress("driving") as notify:

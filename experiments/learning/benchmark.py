@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.assists.common import definition as assist
-from steer_env.experiments.learning import held_out, policy, records, tuners
+from steer_env.experiments.learning import held_out, policy, records, script_policy, tuners
 from steer_env.experiments.learning.constants import HELD_OUT, SHIPPED, SUITES
 from steer_env.experiments.learning.controllers import SIMPLE, Maker, baselines
 from steer_env.experiments.learning.held_out import Controller, Episodes, Estimate
@@ -94,14 +94,32 @@ class Suite(NamedTuple):
         return list(dict.fromkeys(name for drive in self.drives.values() for name in drive.baselines))
 
 
+def _references() -> dict[str, str]:
+    """Task -> the baseline that scores 1 in its id, with the law of the car."""
+    return {**SUITES["drivers"], **SUITES["assists"], **SUITES["tuners"]}
+
+
+def names() -> tuple[str, ...]:
+    """Names of all suites; that of one id is called as the id, without ``steer_env/``."""
+    return (*SUITES, *(id_of(task).removeprefix("steer_env/") for task in _references()))
+
+
 def suite(name: str) -> Suite:
-    """A suite by name; ValueError for an unknown one."""
-    one_of("the suite", name, SUITES)
-    parts = [(*text.split(), reference) for text, reference in SUITES[name].items()]
+    """A suite by name, or that of one id; ValueError for an unknown one."""
+    one_of("the suite", name, names())
+    task = name.rpartition("-")[0]
+    contents = SUITES[name] if name in SUITES else {task: _references()[task]}
+    parts = [(*text.split(), reference) for text, reference in contents.items()]
     drives = [
         Drive(task if task == records.RECORD else id_of(task), reference, *law) for task, *law, reference in parts
     ]
     return Suite(name, {drive.name: drive for drive in drives})
+
+
+def of_id(env_id: str) -> Suite:
+    """The suite of one id; ValueError for an unknown one."""
+    policy.check_id(env_id)
+    return suite(env_id.removeprefix("steer_env/"))
 
 
 def held_out_seeds(episodes: int) -> tuple[int, ...]:
@@ -148,6 +166,8 @@ def entry(text: str, of: Suite) -> Entry:
         return _policies(SHIPPED, policy.SHIPPED_IN, of)
     if text.endswith(".zip") or Path(text).is_dir():
         place = Path(text).resolve()
+        if place.is_file() and not policy.described(place):
+            return _script(place, of)
         return _policies(place.name if place.is_dir() else place.parent.name, Path(text), of)
     if ":" in text:
         return _own(text, of)
@@ -193,6 +213,23 @@ def _policies(name: str, place: Path, of: Suite) -> Entry:
         {"information": "the observations", "tuning": f"{steps} steps of training in {len(entered)} ids"},
         {env_id: provenance.input_file(str(path))["sha256"] for env_id, path in entered.items()},
         tuple(filter(None, (policy.caution(path, policy.about(path)) for path in entered.values()))),
+    )
+
+
+def _script(path: Path, of: Suite) -> Entry:
+    """A policy that a script has saved, in the only id of a suite."""
+    steps = script_policy.steps_of(path)
+    if len(of.ids) > 1:
+        raise ValueError(f"{path} does not say of which id it is: give --env ID in place of --suite {of.name}")
+    (env_id,) = of.ids
+    seen = f"{path} is taken to see the observations of {env_id} at its default settings, without VecNormalize"
+    return Entry(
+        path.stem,
+        POLICY,
+        {env_id: policy.load(path)},
+        {"information": "the observations", "tuning": f"{steps} steps of training in 1 id"},
+        {env_id: provenance.input_file(str(path))["sha256"]},
+        (seen, policy.caution(path, None)),
     )
 
 

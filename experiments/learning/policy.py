@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from steer_env import REGISTERED, experiments, tasks
 from steer_env.experiments.learning import network
 from steer_env.experiments.learning.constants import ALGORITHMS
+from steer_env.experiments.learning.script_policy import ScriptPolicy
 from steer_env.experiments.pages.options import Friction
 from steer_env.friction.numerics import archives, toml
 from steer_env.friction.numerics.check import not_negative, number, numbers, one_of, positive, whole
@@ -61,6 +62,14 @@ def save(path: Path, model: Any, about: dict[str, Any]) -> None:
     part.replace(path)
 
 
+def described(path: Path) -> bool:
+    """Whether a file has the description of ``steer-env train``, or is no archive that could lack it."""
+    if not zipfile.is_zipfile(path):
+        return True
+    with archives.opened(path, "policy") as archive:
+        return ABOUT in archive.namelist()
+
+
 def about(path: Path) -> dict[str, Any]:
     """The description in a policy file; ValueError for a file that ``steer-env train`` has not written."""
     try:
@@ -72,7 +81,8 @@ def about(path: Path) -> dict[str, Any]:
         raise ValueError(f"{path} is no policy: {error}") from None
     except KeyError:
         raise ValueError(
-            f"{path} does not say what it was trained for; `steer-env train` writes files that do"
+            f"{path} does not say what it was trained for; `steer-env train` writes files that do, and "
+            "`steer-env benchmark --env ID` takes any policy of Stable-Baselines3"
         ) from None
     found: dict[str, Any] = toml.parsed(path, text, lambda text: _checked(json.loads(text)))
     return found
@@ -243,11 +253,12 @@ def _predictor(path: Path, about: Mapping[str, Any]) -> Callable[[Any, Any, Any]
     return lambda seen, state, fresh: model.predict(seen, state=state, episode_start=fresh, deterministic=True)
 
 
-def caution(path: Path, about: Mapping[str, Any]) -> str:
-    """A sentence on the risk of a policy file, to be shown before it is loaded; empty for a shipped one."""
+def caution(path: Path, about: Mapping[str, Any] | None) -> str:
+    """A sentence on the risk of a policy file, with its description if it has one; empty for a shipped one."""
     if shipped_file(path):
         return ""
-    here = "only its weights are read here" if about["algorithm"] in network.FORMS else "as it does here"
+    read = about is not None and about["algorithm"] in network.FORMS
+    here = "only its weights are read here" if read else "as it does here"
     return (
         f"{path} is not shipped with steer-env. A policy file is code, which runs when Stable-Baselines3 loads it "
         f"({here}): use files of people whom you trust"
@@ -261,7 +272,7 @@ class Load:
     path: Path  # of a shipped policy: below ``SHIPPED_IN``, wherever that is for a worker
     digest: str  # of the file as it was
 
-    def __call__(self, env: Any) -> Policy:
+    def __call__(self, env: Any) -> Policy | ScriptPolicy:
         """The controller; ValueError if the file is not as it was, or not there."""
         path = SHIPPED_IN / self.path
         if not path.is_file() or _digest(path) != self.digest:
@@ -269,10 +280,10 @@ class Load:
                 f"{path} is not there, or not as it was, where it is evaluated: put it into a folder that every worker "
                 "sees, and leave it as it is"
             )
-        return Policy(path, env)
+        return Policy(path, env) if described(path) else ScriptPolicy(path, env)
 
 
-def load(path: Path) -> Callable[[Any], Policy]:
+def load(path: Path) -> Callable[[Any], Policy | ScriptPolicy]:
     """A callable that makes the controller of a policy for an environment."""
     place = path.resolve()
     return Load(place.relative_to(SHIPPED_IN.resolve()) if shipped_file(path) else place, _digest(path))

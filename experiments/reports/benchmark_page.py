@@ -11,7 +11,6 @@ from steer_env import tasks
 from steer_env.environments import default_speed
 from steer_env.experiments.learning import benchmark, policy_report, records, tuners
 from steer_env.experiments.learning.benchmark import KINDS, Drive, Part, Scored, Suite
-from steer_env.experiments.learning.constants import SUITES
 from steer_env.experiments.learning.held_out import Estimate
 from steer_env.experiments.pages import provenance
 from steer_env.experiments.pages.pages import Page, place
@@ -107,7 +106,7 @@ class Standing(NamedTuple):
 def standings(entries: Sequence[Scored]) -> list[Standing]:
     """Entries by suite and seeds, in the order of the suites."""
     groups: dict[tuple[str, tuple[int, ...]], list[Scored]] = {}
-    for entry in sorted(entries, key=lambda each: [*SUITES].index(each.suite.name)):
+    for entry in sorted(entries, key=lambda each: benchmark.names().index(each.suite.name)):
         groups.setdefault((entry.suite.name, entry.seeds), []).append(entry)
     return [Standing(sorted(group, key=lambda each: -each.score.value)) for group in groups.values()]
 
@@ -157,7 +156,9 @@ def _marked(part: Part) -> str:
 
 def read(folder: Path) -> list[Scored]:
     """The entries of a folder, by the names of their files; ValueError for a file that is none."""
-    paths = sorted(path for suite in SUITES for kind in KINDS for path in folder.glob(f"{suite}-{kind}-*.json"))
+    paths = sorted(
+        path for suite in benchmark.names() for kind in KINDS for path in folder.glob(f"{suite}-{kind}-*.json")
+    )
     return [benchmark.scored(benchmark.read(path)) for path in paths]
 
 

@@ -5,6 +5,7 @@ import hashlib
 import json
 import re
 import sys
+import zipfile
 from pathlib import Path
 
 import gymnasium as gym
@@ -23,6 +24,7 @@ from steer_env.experiments.reports import benchmark_page
 from steer_env.friction.numerics import toml
 from steer_env.registration import DRIVEN, id_of
 from tests.maintain.__main__ import run as maintain
+from tests.needs import needs
 from tests.tools import scores
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -407,7 +409,9 @@ def test_a_controller_that_fails_is_told_in_one_sentence(name, there, short, cap
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["zero"], "give one of --suite (drivers, assists, friction, tuners, identification) and --verify"),
+        (["zero"], "give one of --suite (drivers, assists, friction, tuners, identification), --env and --verify"),
+        (["zero", "--suite", "assists", "--env", RELEASE], "give one of --suite"),
+        (["zero", "--env", "steer_env/AssistRelease-v1"], "it is replaced by steer_env/AssistRelease-v4"),
         (["zero", "--verify", "some.json", "--episodes", "3"], "--episodes has no effect here"),
         (["zero", "zero", "--suite", "assists"], "entries need names of their own, got zero, zero"),
         (["zero", "--suite", "assists", "--out", "broken"], "assists-class-x.json: is no result"),
@@ -438,6 +442,80 @@ def test_policies_enter_the_ids_of_their_training():
     assert found.cautions == ()
     one = benchmark.entry(str(files[id_of("AssistWeave")]), of)
     assert (set(one.makers), one.name) == ({id_of("AssistWeave")}, "AssistWeave-v3")
+
+
+def test_an_id_is_a_suite_of_its_own(there, capsys):
+    enter = [
+        "benchmark",
+        "zero",
+        "active_return",
+        "--env",
+        RELEASE,
+        "--episodes",
+        "2",
+        "--workers",
+        "1",
+        "--out",
+        "out",
+    ]
+    assert main(enter) == 0
+    said = capsys.readouterr().out
+    name = RELEASE.removeprefix("steer_env/")
+    for controller, score in (("zero", 0.0), ("active_return", 1.0)):
+        path = Path("out") / f"{name}-baseline-{controller}.json"
+        assert str(path) in said
+        assert benchmark.read(path)["score"]["value"] == pytest.approx(score)
+    assert main(["benchmark", "--verify", str(path)]) == 0
+
+
+@needs("stable_baselines3", "sb3_contrib")
+@pytest.mark.parametrize("name", ["PPO", "A2C", "SAC", "TD3", "RecurrentPPO", "TQC"])
+def test_a_policy_of_any_script_acts_as_its_model_does(name, tmp_path):
+    import sb3_contrib
+    import stable_baselines3
+
+    from steer_env.sb3 import SteerVecEnv
+
+    kind = getattr(stable_baselines3, name, None) or getattr(sb3_contrib, name)
+    words = "MlpLstmPolicy" if name == "RecurrentPPO" else "MlpPolicy"
+    model = kind(words, SteerVecEnv(RELEASE, 2), policy_kwargs={"net_arch": [8]}, device="cpu", seed=3)
+    model.save(tmp_path / "own")
+    env = gym.make_vec(RELEASE, num_envs=3)
+    found = benchmark.entry(str(tmp_path / "own.zip"), benchmark.of_id(RELEASE)).makers[RELEASE](env)
+    observations, _ = env.reset(seed=1)
+    state, starts = None, np.ones(3, bool)
+    for _ in range(4):
+        expected, state = model.predict(observations, state, starts, deterministic=True)
+        np.testing.assert_array_equal(found.act(observations), expected)
+        observations, *_ = env.step(expected)
+        starts[:] = False
+
+
+@needs("stable_baselines3")
+def test_a_policy_of_a_script_is_entered_and_repeated(there, capsys):
+    from stable_baselines3 import PPO
+
+    from steer_env.sb3 import SteerVecEnv
+
+    model = PPO("MlpPolicy", SteerVecEnv(RELEASE, 2), n_steps=8, batch_size=16, n_epochs=1, device="cpu", seed=3)
+    model.learn(16).save("own")
+    end = ["--episodes", "2", "--workers", "1", "--out", "out"]
+    assert main(["benchmark", "own.zip", "--env", RELEASE, *end]) == 0
+    assert "caution: own.zip is taken to see the observations of" in capsys.readouterr().err.replace(f"{there}/", "")
+    path = f"out/{RELEASE.removeprefix('steer_env/')}-policy-own.json"
+    assert main(["benchmark", "own.zip", "--verify", path]) == 0
+    assert benchmark.read(Path(path))["controller"]["terms"]["tuning"] == "16 steps of training in 1 id"
+    assert main(["benchmark", "own.zip", "--suite", "assists", *end]) == 2
+    assert "does not say of which id it is: give --env ID" in capsys.readouterr().err
+    assert main(["benchmark", "own.zip", "--env", id_of("AssistWeave"), *end]) == 2
+    assert "own.zip was trained with the observation space" in capsys.readouterr().err.replace(f"{there}/", "")
+
+
+def test_an_archive_that_is_no_policy_is_refused(tmp_path):
+    with zipfile.ZipFile(tmp_path / "other.zip", "w") as archive:
+        archive.writestr("data", "{}")
+    with pytest.raises(ValueError, match=r"other\.zip is no policy of Stable-Baselines3"):
+        benchmark.entry(str(tmp_path / "other.zip"), benchmark.of_id(RELEASE))
 
 
 def test_two_policies_of_an_id_are_refused(tmp_path):
