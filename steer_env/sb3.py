@@ -1,10 +1,14 @@
 """Adapter for Stable-Baselines3, which does not accept Gymnasium's vector environments. Needs the extra ``train``."""
 
+import time
+import warnings
 from collections.abc import Iterable, Sequence
+from functools import cache
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
+import torch
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
@@ -13,6 +17,8 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
 from steer_env.engine.infos import require_full, row
 from steer_env.friction.numerics.check import one_of
 from steer_env.registration import REGISTERED
+
+STARVED = 3.0  # how much longer a small network takes in torch's threads than in one before it is told; assumed [1]
 
 
 class SteerVecEnv(VecEnv):
@@ -23,6 +29,9 @@ class SteerVecEnv(VecEnv):
     ``terminal_observation`` and ``TimeLimit.truncated``. ``reset_infos`` has the whole infos of ``reset``. To give
     whole infos at every step would take a fifth of the time. VecMonitor, VecNormalize, VecVideoRecorder,
     EvalCallback and so on wrap it as usual.
+
+    A small network is often slower in several threads of torch than in one, by a hundred times where other programs or
+    a container leave fewer processors than torch believes. The first step of a process measures that and warns.
 
     Parameters
     ----------
@@ -68,7 +77,8 @@ class SteerVecEnv(VecEnv):
         return observations
 
     def step_async(self, actions: NDArray[np.float32]) -> None:
-        """Keep the actions (num_envs, A) for ``step_wait``."""
+        """Keep the actions (num_envs, A) for ``step_wait``; the first of a process looks at torch's threads."""
+        _look_at_threads()
         self._actions = actions
 
     def step_wait(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
@@ -113,3 +123,36 @@ class SteerVecEnv(VecEnv):
 
     def _get_indices(self, indices: VecEnvIndices) -> Iterable[int]:
         return range(self.num_envs) if indices is None else super()._get_indices(indices)
+
+
+@cache
+def _look_at_threads() -> None:
+    """Warn, once in a process, where two layers of 64 take much longer in torch's threads than in one."""
+    threads = torch.get_num_threads()
+    if threads == 1:
+        return
+    many = _layers_time()
+    torch.set_num_threads(1)
+    try:
+        one = _layers_time()
+    finally:
+        torch.set_num_threads(threads)
+    if many > STARVED * one:
+        warnings.warn(
+            f"torch computes in {threads} threads, in which two layers of 64 take {1e3 * many:.3g} ms for a batch of "
+            f"2048, and {1e3 * one:.3g} ms in one: with a network of this size call torch.set_num_threads(1) before "
+            "the training",
+            stacklevel=4,
+        )
+
+
+def _layers_time() -> float:
+    """Median time of two layers of 64 for a batch [s]; nothing is drawn, so that a training is the same."""
+    x, first, second = torch.ones(2048, 32), torch.ones(64, 32), torch.ones(64, 64)
+    times = []
+    for _ in range(6):  # the first of which starts the threads
+        start = time.perf_counter()
+        with torch.no_grad():
+            torch.tanh(torch.tanh(x @ first.T) @ second.T)
+        times.append(time.perf_counter() - start)
+    return float(np.median(times[1:]))

@@ -1,13 +1,17 @@
 """The adapter for Stable-Baselines3: what its wrappers, callbacks and algorithms expect."""
 
+import warnings
+
 import gymnasium as gym
 import numpy as np
 import pytest
+import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import EvalCallback
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.vec_env import VecCheckNan, VecFrameStack, VecMonitor, VecNormalize, VecVideoRecorder
 
+from steer_env import sb3
 from steer_env.sb3 import SteerVecEnv
 from tests.steer_env.test_state import equal
 
@@ -129,3 +133,31 @@ def test_what_sub_environments_cannot_do_is_refused():
     with pytest.raises(ValueError, match="must be finite"):
         env.step(np.array([[np.nan], [0.0]], np.float32))
     env.close()
+
+
+@pytest.mark.parametrize(("times", "told"), [((0.1, 0.001), True), ((0.002, 0.001), False)])
+def test_threads_that_starve_a_small_network_are_told_once(times, told, monkeypatch):
+    left = iter(times)
+    monkeypatch.setattr(sb3, "_layers_time", lambda: next(left))
+    sb3._look_at_threads.cache_clear()
+    threads = torch.get_num_threads()
+    torch.set_num_threads(2)
+    try:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            env = SteerVecEnv(WEAVE, 1)
+            env.reset()
+            for _ in range(2):
+                env.step(np.zeros((1, 1), np.float32))
+        assert torch.get_num_threads() == 2
+    finally:
+        torch.set_num_threads(threads)
+    found = [str(each.message) for each in caught if "torch.set_num_threads(1)" in str(each.message)]
+    assert len(found) == told
+    assert all("in 2 threads" in text and "100 ms" in text for text in found)
+
+
+def test_a_look_at_the_threads_draws_nothing_and_takes_a_time():
+    before = torch.get_rng_state()
+    assert 0.0 < sb3._layers_time() < 10.0
+    assert torch.equal(before, torch.get_rng_state())
