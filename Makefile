@@ -6,7 +6,7 @@ RUN = build/tests-run.txt
 # The tests start many processes, which would compile every module that they import.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: report test check test-whole test-all test-matrix test-integrations audit docs clean
+.PHONY: report test check test-whole test-all test-matrix test-integrations release audit docs clean
 
 # The main job: the core packages alone, then the evaluation report in report/index.html.
 report: .venv/.stamp
@@ -39,6 +39,10 @@ test-matrix:
 # Smoke tests with the libraries of docs/integrations.md.
 test-integrations: .venv-whole/.stamp
 	.venv-whole/bin/python -m pytest tests/integrations
+
+# Source archive and wheel of the last commit in dist/, checked in empty environments; it says what is left by hand.
+release:
+	$(PYTHON) tests/tools/release.py dist
 
 # Policy search against every reward: what scores more than the classical controllers must not behave worse.
 audit: .venv-whole/.stamp
