@@ -65,6 +65,24 @@ def test_a_notebook_runs_and_shows_something_in_each_code_cell_that_ends_in_a_re
     plt.close("all")
 
 
+@needs("stable_baselines3", "tensorboard")
+def test_own_wrapper(tmp_path, monkeypatch):
+    """Its training writes a curve; its class acts without the wrapper as the policy does behind it."""
+    monkeypatch.chdir(tmp_path)
+    example = load("own_wrapper")
+    example.main(64 * 128)
+    assert list((tmp_path / "own_wrapper").rglob("events.out.tfevents*"))
+    name = id_of("AssistWeave")
+    plain, wrapped = gym.make_vec(name, num_envs=2), gym.make_vec(name, num_envs=2, wrapper=example.Calm)
+    controller = example.Trained(plain)
+    controller.reset()
+    seen, expected = plain.reset(seed=1)[0], wrapped.reset(seed=1)[0]
+    for _ in range(5):
+        action = controller.act(seen)
+        np.testing.assert_array_equal(action, controller.model.predict(expected, deterministic=True)[0])
+        seen, expected = plain.step(action)[0], wrapped.step(action)[0]
+
+
 @pytest.mark.whole
 @pytest.mark.parametrize("script", sorted((FOLDER / "gallery").glob("*.py")), ids=lambda path: path.stem)
 def test_a_script_of_the_gallery_draws_a_picture(script, tmp_path, monkeypatch):
