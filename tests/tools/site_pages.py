@@ -7,6 +7,7 @@ import argparse
 import ast
 import importlib
 import inspect
+import json
 import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -288,6 +289,8 @@ def examples() -> Pages:
             docstring = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
             first, _, rest = docstring.partition("\n\n")
             told = " ".join(first.split())
+        elif path.suffix == ".ipynb":
+            told = json.loads(path.read_text(encoding="utf-8"))["cells"][0]["source"][0].removeprefix("# ").strip()
         if path in GALLERY:
             pages[f"examples/gallery/{path.stem}.md"] = _of_gallery(path, told, rest)
             shown.append(f'<a href="gallery/{path.stem}.html"><img src="gallery/{path.stem}.svg" alt="">{told}</a>')
