@@ -30,11 +30,12 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares, lsq_linear
 
 from steer_env import friction
+from steer_env.friction.identification.blocks import drawn_means, interval_of, redrawn, widened
 from steer_env.friction.numerics.thread_pool import one_blas_thread
 from steer_env.hand_torque import Drive, Identified
 from steer_env.hand_torque.drive import SLOWEST
 from steer_env.hand_torque.drive import TORQUES as RECORDED
-from steer_env.hand_torque.fit import X_C, blocks, interval_of, redrawn, widened
+from steer_env.hand_torque.fit import X_C, blocks
 from steer_env.hand_torque.model import RATE, bends, has_distance, stretched
 from steer_env.manoeuvres import Manoeuvre
 from steer_env.manoeuvres.common.driving import build_plant, drive_plant, open_loop
@@ -156,10 +157,7 @@ def fit_column(
             f"no friction of a car describes the drive: {', '.join(stuck)} ends at the limit of the search, "
             f"{TERMS['F_c'].largest:g} N m; are channels exchanged, or is a torque not in N m?"
         )
-    block = blocks(squares[None].size)
-    times = redrawn(int(block.max()) + 1, seed)
-    size = times @ np.bincount(block)
-    drawn = {each: np.sqrt(times @ np.bincount(block, of) / size) for each, of in squares.items()}
+    drawn = {each: np.sqrt(drawn_means(of, blocks(of.size), seed)) for each, of in squares.items()}
     residual = {each: float(np.sqrt(of.mean())) for each, of in squares.items()}
     assist = {f"assist.{key}": value for key, value in changes(car, terms, speed).items()}
     sites = {"lower_column": _below(law, terms), "upper_column": _above(law, terms)}

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from steer_env.friction.identification.blocks import drawn_means, interval_of
 from steer_env.friction.identification.determined import samples_per_count
 from steer_env.friction.identification.displacement import deviation_of
 from steer_env.friction.identification.fit import Fit, Options, checked_order, cleaned, fitted, prepared
@@ -106,7 +107,7 @@ def compare(
             continue
         e, moving_part = remainder(whole, fit), moves[judging]
         left[name] = e[known:first][moves[known:first]]
-        squares[name] = np.array([np.mean(b) for b in np.array_split(e[judging][moving_part] ** 2, BLOCKS)])
+        squares[name] = e[judging][moving_part] ** 2
         each = _judged(fit, e[judging], moving_part, squares[name], seed)
         if order is not None:
             same = fit if fit.level is None else fitted(part, law, options._replace(order=None))
@@ -122,7 +123,7 @@ def compare(
 
 def _judged(fit: Fit, e: NDArray, moves: NDArray, squares: NDArray, seed: int) -> Compared:
     """A law by what it leaves of the samples that judge, without its criteria."""
-    low, high = np.quantile(np.sqrt(np.mean(squares[_draws(seed)], axis=1)), (0.025, 0.975)).tolist()
+    low, high = interval_of(np.sqrt(_drawn(squares, seed)))
     tells = not moves.all() and law_of(fit.parameters).memory_size(fit.parameters) > 0
     resting = _rms(e[~moves]) if tells else None
     return Compared(fit.law, fit, "", _rms(e[moves]), (low, high), math.inf, math.inf, (), resting)
@@ -170,8 +171,9 @@ def _criteria(each: Compared, left: dict[str, NDArray]) -> tuple[float, float]:
     return gain + 2.0 * k, gain + k * math.log(count)
 
 
-def _draws(seed: int) -> NDArray[np.int_]:
-    return np.random.default_rng(seed).integers(BLOCKS, size=(DRAWS, BLOCKS))
+def _drawn(values: NDArray, seed: int) -> NDArray[np.float64]:
+    """Their mean in each draw of ``BLOCKS`` blocks (DRAWS,)."""
+    return drawn_means(values, BLOCKS * np.arange(values.size) // values.size, seed, DRAWS)
 
 
 def _alike(law: str, squares: dict[str, NDArray], seed: int) -> tuple[str, ...]:
@@ -180,7 +182,7 @@ def _alike(law: str, squares: dict[str, NDArray], seed: int) -> tuple[str, ...]:
         return ()
     names = []
     for other in squares.keys() - {law}:
-        low, high = np.quantile(np.mean((squares[law] - squares[other])[_draws(seed)], axis=1), (0.025, 0.975))
+        low, high = interval_of(_drawn(squares[law] - squares[other], seed))
         a, b = np.mean(squares[law]), np.mean(squares[other])
         if low <= 0.0 <= high or max(a, b) <= (1.0 + MATTERS) ** 2 * min(a, b):
             names.append(other)

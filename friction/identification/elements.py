@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from steer_env.friction.identification.blocks import not_negative_factors
 from steer_env.friction.identification.determined import one_speed, samples_per_count
 from steer_env.friction.identification.displacement import noise_of
 from steer_env.friction.identification.problem import Problem
@@ -130,10 +131,17 @@ class _Regression(NamedTuple):
         both = np.column_stack([speed, self.problem.columns]) if self.viscous else self.problem.columns
         return both[self._rows]
 
+    def factors(self, A: NDArray) -> NDArray[np.float64]:
+        """Levels and other factors that leave least; only those of the columns of the problem may be negative (F32)."""
+        R = np.linalg.qr(np.column_stack([A, self.T]), mode="r")  # the same sum of squares in as many rows as columns
+        return not_negative_factors(
+            R[:, :-1], R[:, -1], np.arange(A.shape[1]) >= A.shape[1] - self.problem.columns.shape[1]
+        )
+
     def solved(self, y: NDArray, slope: NDArray) -> Elements:
         """Levels and factors that leave least, of sliders with these yields and slopes."""
         A = np.column_stack([self.columns(y, slope), self.others()])
-        p = not_negative_factors(A, self.T, y.size + self.viscous)
+        p = self.factors(A)
         used = np.flatnonzero(p[: y.size])
         return Elements(p[used], y[used], slope[used], p[y.size :], float(np.sum((A @ p - self.T) ** 2)), np.empty(0))
 
@@ -153,12 +161,12 @@ class _Regression(NamedTuple):
 
         def left(q: NDArray) -> NDArray[np.float64]:
             A = np.column_stack([self.columns(*parts(q)), others])
-            return np.asarray(A @ not_negative_factors(A, self.T, N + self.viscous) - self.T)
+            return np.asarray(A @ self.factors(A) - self.T)
 
         def slopes(q: NDArray) -> NDArray[np.float64]:
             here = self.columns(*parts(q))
             A = np.column_stack([here, others])
-            F = not_negative_factors(A, self.T, N + self.viscous)
+            F = self.factors(A)
             steps = np.where(q < 0.5, STEP, -STEP)  # of slopes away from their ends; of yields either will do
             there = [self.columns(*parts(q + np.r_[steps[:N], 0.0 * steps[N:]]))]
             there += [self.columns(*parts(q + np.r_[0.0 * steps[:N], steps[N:]]))] if sloped else []
@@ -249,17 +257,6 @@ def _merged(found: Elements, i: int) -> Elements:
 
 def _without(found: Elements, i: int) -> Elements:
     return found._replace(F=np.delete(found.F, i), y=np.delete(found.y, i), slope=np.delete(found.slope, i))
-
-
-def not_negative_factors(A: NDArray, T: NDArray, n: int) -> NDArray[np.float64]:
-    """Least squares with the first ``n`` factors not negative (F32)."""
-    from scipy.optimize import nnls  # imported here, because that takes longer than the import of all laws
-
-    signed = np.column_stack([A, -A[:, n:], T])
-    R = np.asarray(np.linalg.qr(signed, mode="r"))  # the same sum of squares in as many rows as columns
-    F, _ = nnls(R[:, :-1], R[:, -1])  # (F32)
-    factors = F[n : A.shape[1]] - F[A.shape[1] :]
-    return np.append(F[:n], factors)
 
 
 def yields_late(problem: Problem, F: NDArray, y: NDArray) -> bool:

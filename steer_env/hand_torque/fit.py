@@ -14,10 +14,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
-from scipy.optimize import nnls
 
 from steer_env.friction import response
+from steer_env.friction.identification.blocks import (
+    DRAWS,
+    drawn_means,
+    interval_of,
+    not_negative_factors,
+    redrawn,
+    widened,
+)
 from steer_env.friction.law import LAWS, available
 from steer_env.friction.numerics.check import number
 from steer_env.hand_torque.drive import FEWEST, RATE, Drive, prepared
@@ -38,7 +44,6 @@ HELD_OUT = 0.35  # share of a drive, its last part, that judges [1]
 BLOCK = 5.0  # of cross-validation and bootstrap; longer than a correction, assumed [s]
 MOST = 200  # blocks of a drive, which are longer in a long one
 FOLDS = 10  # of the cross-validation
-DRAWS = 400  # of the bootstrap
 A_C = (0.05, 0.1, 0.2, 0.4, 0.8)  # grid of a_c [m/s2]
 X_C = tuple(np.radians([0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.45, 0.7, 1.0, 1.5, 2.5]))  # grid of x_c [rad]
 BALANCES = tuple(
@@ -50,7 +55,6 @@ CHANGES = (-0.9, -0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.5, 7.
 RANGE = 0.95  # quantile of a quantity that stands for its range [1]
 REFERENCE = "dahl"  # law with which the road is chosen; assumed: the choice depends little on it
 NONE, VISCOUS, DRY = "none", "viscous", "dry"
-LEVEL = 0.95  # of the intervals
 SYSTEMATIC = 0.15  # of a level: what its interval adds for smoothing and scrub, as drives of known friction show [1]
 MOST_LOST = 1.4  # factor for what smoothing takes from a level, at most, as drives of known Coulomb friction show [1]
 ALIKE = 0.02  # by which a law may leave more than the best and is not told apart; assumed [1]
@@ -504,10 +508,7 @@ def _solved(A: Array, free: int) -> Array:
     root = np.sqrt(np.maximum(values, 1e-12))
     R = root[:, None] * vectors.T  # R'R = G
     y = (vectors.T @ (h / size)) / root
-    # A free coefficient is the difference of two that are not negative.
-    p = nnls(np.column_stack([R, -R[:, :free]]), y)[0]
-    p[:free] -= p[size.size :]
-    return np.asarray(p[: size.size] / size)
+    return not_negative_factors(R, y, np.arange(size.size) < free) / size
 
 
 def left_of(tables: Sequence[Table], solved: Solved) -> list[Array]:
@@ -637,28 +638,11 @@ def _lost(parts: _Parts, name: str, solved: Solved) -> float:
     return float(np.clip(solved.p[-1] / found, 1.0, MOST_LOST)) if found > 0.0 else 1.0
 
 
-def redrawn(count: int, seed: int | np.random.Generator, draws: int = DRAWS) -> Array:
-    """How often each of ``count`` blocks counts when as many are drawn anew, (draws, count)."""
-    return np.random.default_rng(seed).multinomial(count, np.full(count, 1.0 / count), draws).astype(float)
-
-
 def _drawn(count: int, used: NDArray[np.int64], rng: np.random.Generator) -> Array:
     """How often each of ``count`` blocks counts when those that hold samples are drawn anew, (DRAWS, count)."""
     times = np.zeros((DRAWS, count))
     times[:, used] = redrawn(used.size, rng)
     return times
-
-
-def widened(count: int, degrees: int) -> float:
-    """Factor on the interval of draws of few blocks, with so many degrees of freedom left, by Student's t [1]."""
-    tail = 0.5 + 0.5 * LEVEL
-    return float(np.sqrt(count / degrees) * stats.t.ppf(tail, degrees) / stats.norm.ppf(tail))
-
-
-def interval_of(values: Array) -> Interval:
-    """Ends of the interval that holds ``LEVEL`` of the values."""
-    low, high = np.quantile(values, [0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL])
-    return float(low), float(high)
 
 
 def _answer(parts: _Parts, rows: list[Fitted]) -> Identified:
@@ -678,14 +662,14 @@ def _answer(parts: _Parts, rows: list[Fitted]) -> Identified:
         )
         for row in rows
     }
-    judge = _Judge(measured, parts.seed)
-    left = {name: judge.left(torque) for name, torque in predicted.items()}
+    left = {name: _left(torque, measured) for name, torque in predicted.items()}
+    drawn = {name: _drawn_left(torque, measured, parts.seed) for name, torque in predicted.items()}
     judged = [
         row._replace(
             residual=left[row.name],
-            interval=interval_of(judge.drawn(predicted[row.name])),
+            interval=interval_of(drawn[row.name]),
             adds=left[VISCOUS] - left[row.name],
-            adds_interval=interval_of(judge.drawn(predicted[VISCOUS]) - judge.drawn(predicted[row.name])),
+            adds_interval=interval_of(drawn[VISCOUS] - drawn[row.name]),
         )
         for row in sorted(rows, key=lambda row: left[row.name])
     ]
@@ -693,8 +677,7 @@ def _answer(parts: _Parts, rows: list[Fitted]) -> Identified:
     equals = [
         name
         for name in dry
-        if left[name] <= (1.0 + ALIKE) * left[dry[0]]
-        or interval_of(judge.drawn(predicted[name]) - judge.drawn(predicted[dry[0]]))[0] <= 0.0
+        if left[name] <= (1.0 + ALIKE) * left[dry[0]] or interval_of(drawn[name] - drawn[dry[0]])[0] <= 0.0
     ]
     apart = max(
         (float(np.sqrt(np.mean((predicted[a] - predicted[b]) ** 2))) for a in equals for b in equals), default=0.0
@@ -703,22 +686,14 @@ def _answer(parts: _Parts, rows: list[Fitted]) -> Identified:
     return found._replace(chosen=_chosen(parts, found), changes=_changes(parts, found) if dry else {})
 
 
-class _Judge:
-    """Predictions of one measured torque, compared on the same draws of its blocks."""
+def _left(predicted: Array, measured: Array) -> float:
+    """Root mean square that is left [N m]."""
+    return float(np.sqrt(np.mean((predicted - measured) ** 2)))
 
-    def __init__(self, measured: Array, seed: int) -> None:
-        self._measured, self._block = measured, blocks(measured.size)
-        count = int(self._block.max()) + 1
-        self._size, self._times = np.bincount(self._block, minlength=count).astype(float), redrawn(count, seed)
 
-    def left(self, predicted: Array) -> float:
-        """Root mean square that is left [N m]."""
-        return float(np.sqrt(np.mean((predicted - self._measured) ** 2)))
-
-    def drawn(self, predicted: Array) -> Array:
-        """The same in each draw (DRAWS,)."""
-        squares = np.bincount(self._block, (predicted - self._measured) ** 2, self._size.size)
-        return np.asarray(np.sqrt(self._times @ squares / (self._times @ self._size)))
+def _drawn_left(predicted: Array, measured: Array, seed: int) -> Array:
+    """The same in each draw of the blocks (DRAWS,), which are those of every prediction."""
+    return np.sqrt(drawn_means((predicted - measured) ** 2, blocks(measured.size), seed))
 
 
 def _unseen(parts: _Parts, rows: Sequence[Fitted]) -> Unseen:
@@ -791,11 +766,12 @@ def _across(parts: _Parts, alone: Sequence[Identified]) -> tuple[Across, ...]:
             if i == j:
                 continue
             late = np.flatnonzero((np.arange(drive.time.size) >= first) & (drive.weight > 0.0))
-            judge = _Judge(drive.torque[late], parts.seed)
+            measured = drive.torque[late]
             with_law, without = (_lent(row.model, drive, first)[late] for row in (own.best, own.row(VISCOUS)))
-            residual, gain, ends = judge.left(with_law), np.nan, (np.nan, np.nan)
+            residual, gain, ends = _left(with_law, measured), np.nan, (np.nan, np.nan)
             if own.dry:
-                gain, ends = judge.left(without) - residual, interval_of(judge.drawn(without) - judge.drawn(with_law))
+                drawn = [_drawn_left(each, measured, parts.seed) for each in (without, with_law)]
+                gain, ends = _left(without, measured) - residual, interval_of(drawn[0] - drawn[1])
             found.append(Across(i, j, residual, gain, ends))
     return tuple(found)
 
