@@ -173,7 +173,9 @@ class Assessment(NamedTuple):
     differences: dict[str, dict[str, battery.Difference]]  # label -> metric -> difference to the first recording
     noticed: float  # just-noticeable difference that they are judged by [1]
     parameters: list[tuple[str, list[Any]]] | None  # that differ, as of :func:`differing`
-    pairs: list[simulation_vs_measurement.Pair]  # cross plots with boundaries, the first recording being the reference
+    pairs: Sequence[
+        simulation_vs_measurement.Pair
+    ]  # cross plots with boundaries, the first recording being the reference
     power: Power | None  # what the comparison would have shown, where the curves agree
     nearest: Explanation | None  # what would explain the difference, where they do not
     unexplained: str  # why that is unknown, in words
@@ -245,17 +247,7 @@ def assess(
             curves[name] = simulation_vs_measurement.curves(recording, evaluation, **given)
         except RefusedError:
             continue  # the metrics give the reason
-    pairs, power, nearest, unexplained = [], None, None, ""
-    if allowed:
-        reference, other = recordings.values()
-        pairs = simulation_vs_measurement.compare(reference, other, evaluation.name, allowed, **given)
-        if simulation_vs_measurement.passes(pairs):
-            power = comparison_power.power(other, evaluation.name, allowed, frozenset(reference.channels), **given)
-        else:
-            try:
-                nearest = explanation.explain(reference, other, evaluation.name, allowed, **given)
-            except (ValueError, RefusedError) as error:
-                unexplained = str(error)
+    answer = _validated([*recordings.values()], evaluation.name, allowed, given) if allowed else Validated()
     return Assessment(
         test=evaluation.name,
         values=values,
@@ -265,19 +257,43 @@ def assess(
         differences=differences,
         noticed=noticed,
         parameters=differing(recordings) if compare and others else None,
-        pairs=pairs,
-        power=power,
-        nearest=nearest,
-        unexplained=unexplained,
+        **answer._asdict(),
         allowed=allowed or {},
         curves=curves,
         zeros={
             label: simulation_vs_measurement.zero_notes(found, evaluation)
             for label, found in recordings.items()
-            if pairs
+            if answer.pairs
         },
         simulated=_simulated(recordings),
     )
+
+
+class Validated(NamedTuple):
+    """What a simulation against a measurement shows: the fields of an :class:`Assessment` with these names."""
+
+    pairs: Sequence[simulation_vs_measurement.Pair] = ()
+    power: Power | None = None
+    nearest: Explanation | None = None
+    unexplained: str = ""
+
+
+def _validated(
+    recordings: Sequence[Recording],
+    test: str,
+    allowed: Mapping[str, simulation_vs_measurement.Tolerance],
+    given: Mapping[str, Any],
+) -> Validated:
+    """The cross plots of two recordings, and what they would have shown, or what explains where they do not agree."""
+    reference, other = recordings
+    pairs = simulation_vs_measurement.compare(reference, other, test, allowed, **given)
+    if simulation_vs_measurement.passes(pairs):
+        channels = frozenset(reference.channels)
+        return Validated(pairs, comparison_power.power(other, test, allowed, channels, **given))
+    try:
+        return Validated(pairs, nearest=explanation.explain(reference, other, test, allowed, **given))
+    except (ValueError, RefusedError) as error:
+        return Validated(pairs, unexplained=str(error))
 
 
 def _simulated(recordings: Mapping[str, Recording]) -> frozenset[str]:

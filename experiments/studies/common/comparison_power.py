@@ -64,7 +64,8 @@ def _level(car: Car, law: Any, factor: float) -> tuple[Car, Any]:
     return car, scaled(law, factor, 1.0)
 
 
-def _key(name: str, car: Car, law: Any, factor: float) -> tuple[Car, Any]:
+def key_times(name: str, car: Car, law: Any, factor: float) -> tuple[Car, Any]:
+    """The car with a number of its file, or all of a list, times a factor; ValueError where a car cannot have it."""
     section, _, key = name.partition(".")
     if name in kinds.follows(car.kind):  # no key of its file
         made = getattr(car, section)
@@ -74,20 +75,14 @@ def _key(name: str, car: Car, law: Any, factor: float) -> tuple[Car, Any]:
     return cars.load(car.data(), changes={name: changed}), law
 
 
-def _ratio(car: Car, law: Any, factor: float) -> tuple[Car, Any]:
-    return _key("steering.pinion_radius", car, law, 1.0 / factor)
-
-
 CHANGES: Mapping[str, Change] = {
     "friction": _level,
-    "steering ratio": _ratio,
-    "inertia of the handwheel (I1)": partial(_key, "column.I1"),
-    "torsion bar (K_tb)": partial(_key, "column.K_tb"),
-    "inertia below it (I2)": partial(_key, "column.I2"),
-    "boost": partial(_key, "assist.boost_scale"),
-    "delay of the assist": partial(_key, "assist.delay"),
-    "cornering stiffness in front": partial(_key, "chassis.front_cornering_stiffness_factor"),
-    "cornering stiffness behind": partial(_key, "chassis.rear_cornering_stiffness_factor"),
+    "torsion bar (K_tb)": partial(key_times, "column.K_tb"),
+    "inertia below it (I2)": partial(key_times, "column.I2"),
+    "boost": partial(key_times, "assist.boost_scale"),
+    "delay of the assist": partial(key_times, "assist.delay"),
+    "cornering stiffness in front": partial(key_times, "chassis.front_cornering_stiffness_factor"),
+    "cornering stiffness behind": partial(key_times, "chassis.rear_cornering_stiffness_factor"),
 }
 
 

@@ -94,12 +94,23 @@ def _late(at: Setting, x: float) -> Setting:
 
 
 LATE = "delay of the hand torque"
+
+
+def _ratio(car: Car, law: Any, factor: float) -> tuple[Car, Any]:
+    return comparison_power.key_times("steering.pinion_radius", car, law, 1.0 / factor)
+
+
+NAMED: Mapping[str, comparison_power.Change] = {
+    **CHANGES,
+    "steering ratio": _ratio,
+    "inertia of the handwheel (I1)": partial(comparison_power.key_times, "column.I1"),
+}
 ASSIST_LATE = "delay of the assist"
 USUAL = {"friction": 0.3, "boost": 0.2, "steering ratio": 0.05}  # of a logarithm, 0.15 of the others; assumed [1]
 PARAMETERS = (
     *(
         Parameter(name, USUAL.get(name, 0.15), partial(_multiplied, change))
-        for name, change in CHANGES.items()
+        for name, change in NAMED.items()
         if name != ASSIST_LATE
     ),
     Parameter(ASSIST_LATE, 0.5e-3, _assist_late, factor=False),  # which the car may have none of
