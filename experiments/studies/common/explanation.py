@@ -567,7 +567,7 @@ def ends(change: Change) -> str:
     """The interval of a change, in words."""
     if change.name in DELAYS:
         return f"{number(1e3 * change.low)} to {number(1e3 * change.high)}\u00a0ms"
-    return f"{number(100.0 * (change.low - 1.0), 2)} to {number(100.0 * (change.high - 1.0), 2)}\u00a0%"
+    return f"{number(100.0 * (change.low - 1.0))} to {number(100.0 * (change.high - 1.0))}\u00a0%"
 
 
 def phrase(fit: Fit) -> str:
