@@ -16,6 +16,7 @@ from steer_env.experiments.cli.common.tables import print_fits
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.reports import friction_fit, friction_fit_page
 from steer_env.friction import level
+from steer_env.metrics.common import just_noticeable
 from steer_env.recording import files, friction_record
 from steer_env.vehicle import cars
 from tests.friction.test_bad_input import refused
@@ -252,6 +253,18 @@ def test_a_law_that_is_refused_is_told_and_gives_no_file(tmp_path):
     print_fits(found)
     assert loaded("out/fit.json")["laws"]["coulomb"] == {"refused": "no set of it is near this record"}
     assert sorted(path.name for path in Path("out").iterdir()) == ["dahl.json", "fit.json", "index.html"]
+
+
+@pytest.mark.parametrize("off", [0.5 * just_noticeable.TORQUE, 2.0 * just_noticeable.TORQUE])
+def test_the_verdict_tells_whether_a_driver_would_notice_another_law(off):
+    record = friction_record.FrictionRecord(np.radians(X), F, DT, {"displacement": "rad", "torque": "N m"})
+    found = friction_fit.collect(record, "own", ["dahl", "coulomb"])
+    curve = found.curves["dahl"]
+    said = friction_fit_page.verdict(found._replace(curves={"dahl": curve, "coulomb": curve + off}))
+    assert said.startswith("Dahl")
+    assert ("Coulomb" in said) == (off >= just_noticeable.TORQUE)
+    assert f"{off:.2g} N m" in said
+    assert len(said.split()) <= 25
 
 
 def test_one_way_from_rest_to_sliding_is_fitted_as_a_whole():

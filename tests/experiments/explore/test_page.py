@@ -36,6 +36,15 @@ def test_metrics_are_those_of_python(page, browser):
     assert {name: pytest.approx(value.value, rel=1e-4) for name, value in expected.items()} == found
 
 
+def test_the_page_opens_in_small_turns_with_another_law_pinned(pages, browser):
+    browser.open(pages.as_uri())
+    browser.until(f"{READY} && steerShown.pins.A?.answer.exact")
+    assert browser.value("[steerShown.answer.manoeuvre, steerShown.pins.A.shown.law]") == ["small-turns", "masing"]
+    assert browser.value("document.querySelectorAll('#large canvas').length") == 2
+    expected = evaluated("masing", "single_track", {}, "small-turns")["loop_area"].value
+    assert browser.value("steerShown.pins.A.answer.values.loop_area") == pytest.approx(expected, rel=1e-4)
+
+
 @in_both
 def test_sites_have_sliders_and_the_metrics_of_python(tmp_path_factory, browser):
     page = explore.explore(tmp_path_factory.mktemp("sites") / "page", friction=[SITES], chassis=["single_track"])
