@@ -166,13 +166,17 @@ def test_process_controller(monkeypatch):
 
 @needs("mujoco")
 def test_joint_friction():
-    """Laws hold a constant load; one with a true stick holds an oscillating load too. MuJoCo's own friction creeps."""
+    """Laws hold a constant load; one with a true stick holds an oscillating load too. MuJoCo's default creeps."""
     example = load("joint_friction")
     found = example.main()
-    coulomb, lugre, elasto_plastic = (found[law] for law in example.LAWS)
-    assert max(coulomb[0], lugre[0], elasto_plastic[0]) < 1e-9
-    assert max(coulomb[1], elasto_plastic[1]) < 1e-9 < lugre[1]
-    assert found["frictionloss, default"][0] > 1e-3
+    coulomb, lugre, elasto_plastic = (found[f"here: {law}"] for law in example.LAWS)
+    noslip, bristle = (found[f"MuJoCo: {name}"] for name in ("frictionloss, one noslip iteration", "dcmotor"))
+    assert max(coulomb[0], lugre[0], elasto_plastic[0], noslip[0], bristle[0]) < 1e-9
+    assert max(coulomb[1], elasto_plastic[1], noslip[1]) < 1e-9 < min(lugre[1], bristle[1])
+    assert found["MuJoCo: frictionloss, default"][0] > 1e-3
+    # Elastic and damped: pi d w (F/k)^2. MuJoCo takes the spring at the angle before the step, which undoes k h/2 of d.
+    damping = 1.0 - 0.5 * 1000.0 * example.STEP
+    assert found["MuJoCo: springyield"][3] == pytest.approx(2.0 * np.pi**2 * damping * (0.5 / 1000.0) ** 2, rel=1e-2)
 
 
 def imported(monkeypatch, name):

@@ -62,3 +62,18 @@ def test_ppo(mode):
     assert finished == [200] * N  # an episode of 20 s in each
     assert np.isfinite(loss.item())
     assert (actor.weight != before).any()
+
+
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+def test_the_scale_of_rewards_runs_over_a_truncation_in_next_step_mode(mode):
+    """The sum by whose variance Gymnasium's ``NormalizeReward`` divides has the last episode in it, or begins anew."""
+    envs = gym.make_vec(WEAVE, num_envs=1, max_episode_steps=3, autoreset_mode=mode)
+    scaled = gym.wrappers.vector.NormalizeReward(envs, gamma=1.0)
+    scaled.reset(seed=1)
+    for _ in range(3 + (mode is AutoresetMode.NEXT_STEP)):
+        scaled.step(np.zeros((1, 1)))
+    before = scaled.accumulated_reward[0]
+    assert (before == 0.0) == (mode is AutoresetMode.SAME_STEP)
+    scaled.step(np.zeros((1, 1)))
+    assert scaled.accumulated_reward[0] == pytest.approx(before + envs.batch.episodes["reward"][0])
+    envs.close()
