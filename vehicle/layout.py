@@ -30,14 +30,17 @@ _LAST_INPUTS: Names = tuple((f"{name}_at_evaluation", unit) for name, unit in IN
 
 
 class Layout(NamedTuple):
-    """First position of each part; a part that is kept twice has the older values behind the newer ones."""
+    """First position of each part."""
 
     column: int
     assist: int
     steps: int  # steps since the last evaluation of the chassis
-    rack_force: int  # two values
-    hand_torque: int  # two values
-    friction_torque: int  # two values
+    rack_force: int  # at the last evaluation of the chassis
+    rack_force_before: int
+    hand_torque: int  # mean over the last step
+    hand_torque_before: int
+    friction_torque: int  # mean over the last step
+    friction_torque_before: int
     mean_inputs: int
     last_inputs: int
     chassis: int
@@ -48,6 +51,18 @@ class Layout(NamedTuple):
     motor: int  # its limits
     functions: int  # of the assist
     memory: int  # of the friction law, to the end of the array
+
+
+class Parts(NamedTuple):
+    """What belongs to the chassis, as views of the state array of a plant."""
+
+    mean_inputs: Any  # (I,) since the last evaluation
+    last_inputs: Any  # (I,) at the last evaluation
+    state: Any  # (n,)
+    rate: Any  # (n,) derivative of the state at the last evaluation
+    rate_before: Any  # (n,) at the one before
+    outputs: Any  # (m,) at the last evaluation
+    outputs_before: Any  # (m,)
 
 
 _ASSIST = len(column.STATES)
@@ -66,8 +81,11 @@ def _arrange(n, m, j, k):
         assist=_ASSIST,
         steps=_STEPS,
         rack_force=_STEPS + 1,
+        rack_force_before=_STEPS + 2,
         hand_torque=_STEPS + 3,
+        hand_torque_before=_STEPS + 4,
         friction_torque=_STEPS + 5,
+        friction_torque_before=_STEPS + 6,
         mean_inputs=_MEAN,
         last_inputs=_LAST,
         chassis=_CHASSIS,
@@ -92,6 +110,20 @@ def layout(p):
 def layout_to_motor(p):
     """As :func:`layout`, of a plant of which the steering is left out: right up to the motor."""
     return _arrange(chassis.state_size(p.chassis), chassis.output_size(p.chassis), 0, 0)
+
+
+@part
+def parts_of_chassis(at, state):
+    """The :class:`Parts` of a state array with a layout, in kernels."""
+    return Parts(
+        state[at.mean_inputs : at.last_inputs],
+        state[at.last_inputs : at.chassis],
+        state[at.chassis : at.rate],
+        state[at.rate : at.rate_before],
+        state[at.rate_before : at.outputs],
+        state[at.outputs : at.outputs_before],
+        state[at.outputs_before : at.motor],
+    )
 
 
 def layout_of(p: Any) -> Layout:

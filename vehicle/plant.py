@@ -38,7 +38,7 @@ from steer_env.vehicle.chassis.common.interface import (
     RACK_DISTURBANCE,
     Names,
 )
-from steer_env.vehicle.layout import layout, layout_of, layout_to_motor, size_of, states
+from steer_env.vehicle.layout import layout, layout_of, layout_to_motor, parts_of_chassis, size_of, states
 from steer_env.vehicle.steering import column, eps, motor
 from steer_env.vehicle.steering.assist import functions
 from steer_env.vehicle.steering.assist.functions import Signals
@@ -132,26 +132,27 @@ def evaluate(p, at, state, u, derivative):
     The chassis therefore receives the mean input since the last evaluation and half of the change since then, which
     gives a step its whole effect and a ramp no delay (N3). ``derivative`` is that of the chassis.
     """
-    for i in range(at.rate_before - at.rate):
-        state[at.rate_before + i] = state[at.rate + i]
-    for i in range(at.outputs_before - at.outputs):
-        state[at.outputs_before + i] = state[at.outputs + i]
-    state[at.rack_force + 1] = state[at.rack_force]
-    received = state[at.mean_inputs : at.last_inputs]
+    x = parts_of_chassis(at, state)
+    for i in range(x.rate.size):
+        x.rate_before[i] = x.rate[i]
+    for i in range(x.outputs.size):
+        x.outputs_before[i] = x.outputs[i]
+    state[at.rack_force_before] = state[at.rack_force]
+    received = x.mean_inputs
     for i in range(u.size):
-        received[i] += 0.5 * (u[i] - state[at.last_inputs + i])  # (N3)
-        state[at.last_inputs + i] = u[i]
+        received[i] += 0.5 * (u[i] - x.last_inputs[i])  # (N3)
+        x.last_inputs[i] = u[i]
     rack = p.pinion_radius * state[column.COLUMN_ANGLE]  # (P1)
     force = derivative(
         p.chassis,
         p.strut,
         p.tyre[0],
-        state[at.chassis : at.rate],
+        x.state,
         rack,
         p.pinion_radius * state[column.COLUMN_SPEED],
         received,
-        state[at.rate : at.rate_before],
-        state[at.outputs : at.outputs_before],
+        x.rate,
+        x.outputs,
     )
     for i in range(received.size):
         received[i] = 0.0
@@ -187,8 +188,8 @@ def steer(p, at, state, hand, hand_speed, before, after, elapsed, force, h):
     T_m = eps.motor_step(p.assist, x, heat, before, after, elapsed, speed, h)
     T_C = T_m - p.pinion_radius * force  # (P2)
     position = state[column.COLUMN_ANGLE] + 0.5 * h * state[column.COLUMN_SPEED]  # in the middle of the step
-    state[at.hand_torque + 1] = state[at.hand_torque]
-    state[at.friction_torque + 1] = state[at.friction_torque]
+    state[at.hand_torque_before] = state[at.hand_torque]
+    state[at.friction_torque_before] = state[at.friction_torque]
     scales = scratch.like(state, SCALES)
     sites.scales(p.friction, p.level, p.friction_torque_scale, force, position, T_m, scales)  # (F11), (F44)
     _, _, T_F, T1 = column.step(
@@ -210,19 +211,10 @@ def steer(p, at, state, hand, hand_speed, before, after, elapsed, force, h):
 @part
 def roll(p, at, state, s, u, h):
     """Advance the chassis by one step ``h``, whose middle lies ``s`` chassis steps after the last evaluation."""
-    chassis.advance(
-        p.chassis,
-        state[at.chassis : at.rate],
-        state[at.rate : at.rate_before],
-        state[at.rate_before : at.outputs],
-        state[at.outputs : at.outputs_before],
-        state[at.outputs_before : at.motor],
-        s,
-        h,
-        u,
-    )
+    x = parts_of_chassis(at, state)
+    chassis.advance(p.chassis, x.state, x.rate, x.rate_before, x.outputs, x.outputs_before, s, h, u)
     for i in range(u.size):
-        state[at.mean_inputs + i] += u[i] * (1.0 / STEPS_PER_CHASSIS_STEP)
+        x.mean_inputs[i] += u[i] * (1.0 / STEPS_PER_CHASSIS_STEP)
     state[at.steps] += 1.0
 
 
@@ -231,7 +223,7 @@ def _step(p, at, state, hand, hand_speed, before, after, elapsed, u, h):
     """Advance column, motor and chassis by one step ``h``; an evaluation of the chassis may follow."""
     s = (state[at.steps] + 0.5) / STEPS_PER_CHASSIS_STEP  # middle of the step, in chassis steps after the evaluation
     # (N1)
-    force = state[at.rack_force] + s * (state[at.rack_force] - state[at.rack_force + 1]) + u[RACK_DISTURBANCE]
+    force = state[at.rack_force] + s * (state[at.rack_force] - state[at.rack_force_before]) + u[RACK_DISTURBANCE]
     steer(p, at, state, hand, hand_speed, before, after, elapsed, force, h)
     roll(p, at, state, s, u, h)
 
@@ -243,20 +235,20 @@ def report_column(p, at, state, row):
     row[1] = state[column.HANDWHEEL_SPEED]
     # Step means are extrapolated to the end of the last step (N4); a prescribed hand torque is reported itself.
     given = (p.robot == 0.0) & (p.column.K_arm == 0.0)
-    torque, before = state[at.hand_torque], state[at.hand_torque + 1]
+    torque, before = state[at.hand_torque], state[at.hand_torque_before]
     row[2] = where(given, torque, 1.5 * torque - 0.5 * before)
     row[3] = state[column.COLUMN_ANGLE]
     row[4] = state[column.COLUMN_SPEED]
     row[5] = p.column.K_tb * (state[column.HANDWHEEL_ANGLE] - state[column.COLUMN_ANGLE])
     row[6] = state[at.assist + eps.MOTOR_TORQUE]
-    row[7] = 1.5 * state[at.friction_torque] - 0.5 * state[at.friction_torque + 1]
+    row[7] = 1.5 * state[at.friction_torque] - 0.5 * state[at.friction_torque_before]
 
 
 @part
 def report_chassis(p, at, state, u, row):
     """Fill the rack force and the channels of the chassis, the rest of a row."""
     s = state[at.steps] / STEPS_PER_CHASSIS_STEP
-    row[0] = state[at.rack_force] + s * (state[at.rack_force] - state[at.rack_force + 1])
+    row[0] = state[at.rack_force] + s * (state[at.rack_force] - state[at.rack_force_before])
     chassis.report(
         p.chassis,
         state[at.chassis : at.rate],
