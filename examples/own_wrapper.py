@@ -4,6 +4,10 @@
     tensorboard --logdir own_wrapper
     steer-env benchmark examples/own_wrapper.py:Trained --env steer_env/AssistWeave-v3
 
+The curve in TensorBoard is rollout/ep_rew_mean, the mean of the last hundred episodes with exploration noise. It begins
+at 131 072 steps, when the first episodes are whole, with 11.7, and has 12.3 at 262 144, after 110 s of one processor
+that others used too.
+
 The wrapper is one class in numpy for all forms of an environment; SteerVecEnv applies it once for its 64 rows.
 """
 
