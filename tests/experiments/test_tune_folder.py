@@ -133,7 +133,7 @@ def test_the_best_set_has_the_metrics_with_its_own_handwheel_angles(tmp_path, po
     assert found.best.user_attrs["details"]["metrics"] == expected.metrics
     assert found.best.user_attrs["details"]["margins"] == before.user_attrs["details"]["margins"]
     assert found.best.user_attrs["objectives"] == list(problem.objectives(posed, expected, found.counted).values())
-    assert check.difference == pytest.approx(SHIFT)
+    assert check.difference == pytest.approx(SHIFT, abs=1e-3)  # and what the rounded numbers of the file change
     assert check.metric in found.counted
     far = {n: problem.distance(x, posed.bands[n]) for n, x in next(iter(expected.metrics.values())).items()}
     assert set(found.feasibility.missed) == {n for n in found.counted if far[n] > 1e-9}
