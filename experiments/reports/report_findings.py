@@ -204,21 +204,20 @@ def verdict(results: Results, found: Sequence[OnTerm]) -> str:
         return f"Whether a driver would notice is not known for what was driven here; {what} with {row.law}."
     own = fitted[0].felt if fitted else []
     if shared.felt:
-        after = f"; with each fitted, {_few(own) if own else 'none'}" if fitted else ""
-        return f"A driver would notice {_few(shared.felt)} in place of {base}, {shared.most}{after}."
+        after = f"; each fitted, {_few(own, 1) if own else 'none'}" if fitted else ""
+        return f"A driver would notice {_few(shared.felt)} instead of {base}, {shared.most}{after}."
     if own:
-        none = f"With one calibration a driver would notice no law instead of {base}"
-        return f"{none}; each fitted, {_few(own)}, {fitted[0].most}."
+        return f"A driver would notice no law instead of {base}; each fitted, {_few(own)}, {fitted[0].most}."
     largest = max(abs(row.of_base) for term in found for row in term.differences.known)
     return (
-        f"A driver would notice no other law in place of {base}: steady hand torques and angles differ by at most "
+        f"A driver would notice no other law instead of {base}: steady hand torques and angles differ by at most "
         f"{percent(largest)}."
     )
 
 
-def _few(laws: Sequence[str]) -> str:
-    """Laws by name, or their number where there are many."""
-    return listed(laws) if len(laws) < 3 else f"{len(laws)} laws"
+def _few(laws: Sequence[str], most: int = 2) -> str:
+    """Laws by name, or their number where there are more than ``most``."""
+    return listed(laws) if len(laws) <= most else f"{len(laws)} laws"
 
 
 class SmallTurns(NamedTuple):
