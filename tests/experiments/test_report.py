@@ -190,6 +190,8 @@ def test_the_report_of_an_own_car(tmp_path, monkeypatch):
         seen.update(car=scope.loaded(), look=look, trace=trace, beside=beside)
 
     monkeypatch.setattr(report, "build", build_)
+    monkeypatch.setattr(report_findings, "terms", lambda results, noticed: [])
+    monkeypatch.setattr(report_findings, "verdict", lambda results, terms: "")
     options = ["--vehicle", "bmw_320i", "--set", "column.K_tb=143", "--noticed-percent", "10"]
     command = ["report", *options, "--friction", "lugre", "--out", str(tmp_path / "mine")]
     assert main(command) == 0
