@@ -41,7 +41,7 @@ settings.load_profile("suite")
 # Folders whose tests belong to the whole suite: they take compilers, browsers, devices, networks, or the clock.
 WHOLE = ("connect", "experiments/explore", "live/devices", "live/drive")
 # What no extra brings: programs, and a package whose pins exclude ours. Without them the whole suite may skip a test.
-FOREIGN = re.compile("wine|valgrind|Chromium|Firefox|TypeScript|moviepy|needs ray")
+FOREIGN = re.compile("wine|valgrind|Chromium|Firefox|TypeScript|moviepy")
 
 _run: set[str] = set()
 _skipped: dict[str, str] = {}  # test, or module of tests -> reason

@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
 
+import steer_env  # noqa: F401 (registers the ids)
+
 torch = pytest.importorskip("torch")
 
 WEAVE = "steer_env/AssistWeave-v3"

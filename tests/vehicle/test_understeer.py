@@ -134,6 +134,15 @@ def test_response_is_that_of_a_simulation(name, chassis, gain, phase):
     assert understeer.yaw_lag(car, V, chassis=chassis) == pytest.approx(lag, abs=2e-3)
 
 
+def test_two_frequencies_are_not_the_ends_of_a_range():
+    """Asked of the model, as docs/analysis.md says; a function of python-control takes a pair for a range."""
+    model, asked = understeer.response(CARS["compact"], V), [1.0, 10.0]
+    found = model.frequency_response(asked)
+    np.testing.assert_array_equal(found.omega, asked)
+    np.testing.assert_allclose(found.complex[..., 1], model(10j))
+    assert len(control.frequency_response(model, asked).omega) > 2
+
+
 def test_more_boost_twists_the_torsion_bar_less():
     on_centre, beside = (float(understeer.response(CARS["compact"], V, torque=T).dcgain()[1, 0]) for T in (0.0, 5.5))
     without = linear.from_car(CARS["compact"], V).state_space("handwheel").dcgain()[1, 0]
