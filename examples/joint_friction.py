@@ -1,4 +1,4 @@
-"""One joint and its loads with the friction of this package, of MuJoCo, of Newton and of Drake.
+"""One joint and its loads with the friction of this package, of MuJoCo and of Drake.
 
 The joint has an inertia of 0.01 kg m² and friction of 1 N m; steps are of 1 ms. The columns of the table:
 
@@ -9,11 +9,9 @@ The joint has an inertia of 0.01 kg m² and friction of 1 N m; steps are of 1 ms
 * small cycle: work of a load of 0.5 N m at 1 Hz in its second period. A joint that is stuck takes none.
 * step: processor time of a step under the constant load, the least of three means over 500 steps.
 
-What is installed runs, and the others are named. Newton 1.8 asks for another MuJoCo than the first rows, so that its
-row and Drake's are made in an environment of their own: ``pip install newton drake "mujoco~=3.17.0"
-"mujoco-warp~=3.17.0"``.
+What is installed runs, and what is not is named: ``pip install mujoco drake``.
 
-Run: python examples/joint_friction.py [mujoco] [newton] [drake]
+Run: python examples/joint_friction.py [mujoco] [drake]
 """
 
 import math
@@ -23,7 +21,7 @@ from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
 
-STEP, INERTIA = 1e-3, 0.01
+STEP = 1e-3
 LAWS = (
     "coulomb,F_c=1",
     "lugre,F_c=1,sigma_0=1000,sigma_1=2",
@@ -57,7 +55,6 @@ MUJOCO = {
     "springyield": {"joint": YIELD, "least_damping": 1.0},
     "dcmotor": {"actuator": MOTOR},
 }
-NEWTON = ("SolverMuJoCo", "SolverFeatherstone", "SolverXPBD")
 
 
 class OfMujoco:
@@ -82,37 +79,6 @@ class OfMujoco:
         self.data.qfrc_applied[0] = load
         self.advance(self.data)
         return self.data.qvel[0]
-
-
-class OfNewton:
-    """The joint in Newton, with one of its solvers; on the CPU, as floats."""
-
-    def __init__(self, damping, solver):
-        import newton
-        import warp
-
-        warp.config.quiet = True
-        builder = newton.ModelBuilder(gravity=(0.0, 0.0, 0.0))
-        link = builder.add_link(mass=1.0, inertia=warp.mat33(np.eye(3) * INERTIA))
-        builder.add_articulation([builder.add_joint_revolute(-1, link, axis=(0, 0, 1), friction=1.0, damping=damping)])
-        self.model = builder.finalize(device="cpu")
-        options = {"use_mujoco_cpu": True} if solver == "SolverMuJoCo" else {}
-        self.solver = getattr(newton.solvers, solver)(self.model, **options)
-        self.states, self.control = [self.model.state(), self.model.state()], self.model.control()
-        self.newton = newton
-
-    def start(self, speed):
-        state = self.states[0]
-        state.joint_qd.assign(np.array([speed], np.float32))
-        self.newton.eval_fk(self.model, state.joint_q, state.joint_qd, state)
-
-    def step(self, load):
-        self.control.joint_f.assign(np.array([load], np.float32))
-        self.solver.step(*self.states, self.control, None, STEP)
-        self.states.reverse()
-        state = self.states[0]
-        self.newton.eval_ik(self.model, state, state.joint_q, state.joint_qd)
-        return float(state.joint_qd.numpy()[0])
 
 
 class OfDrake:
@@ -188,7 +154,6 @@ def rows(laws=LAWS):
     """Name -> package of it and what makes its joint."""
     found = {f"here: {law}": ("mujoco", lambda d, law=law: OfMujoco(d, law=law)) for law in laws}
     found |= {f"MuJoCo: {n}": ("mujoco", lambda d, parts=parts: OfMujoco(d, **parts)) for n, parts in MUJOCO.items()}
-    found |= {f"Newton: {n}": ("newton", lambda d, n=n: OfNewton(d, n)) for n in NEWTON}
     return found | {"Drake": ("drake", OfDrake)}
 
 
@@ -202,7 +167,7 @@ def installed(package):
 
 def main(*packages, laws=LAWS):
     """The rows of some packages, or of all."""
-    packages = {name: installed(name) for name in packages or ("mujoco", "newton", "drake")}
+    packages = {name: installed(name) for name in packages or ("mujoco", "drake")}
     print(", ".join(f"{name} {found or 'is not installed: left out'}" for name, found in packages.items()))
     heads = ("constant load [rad/s]", "oscillating load [rad/s]", "coasting [rad/s]", "small cycle [J]", "step [µs]")
     print(f"| friction | {' | '.join(heads)} |\n|---|---|---|---|---|---|")
