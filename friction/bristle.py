@@ -60,7 +60,7 @@ def _by_series(X):
 
 
 @kernel
-def held(z, limit):
+def limit_deflection(z, limit):
     """Deflection cut back to the limit that break-away sets.
 
     Where the torque scale has fallen, the bristle has slipped already; without the cut, a bristle beyond its steady
@@ -70,10 +70,10 @@ def held(z, limit):
 
 
 @kernel
-def displaced(z, z_g, limit, w, h):
+def slide(z, z_g, limit, w, h):
     """Deflection after ``h`` at constant speed ``w`` (F8), held within ``limit``."""
     E, p1, _, _, _ = decay(abs(w) * h / z_g)
-    return held(held(z, limit) * E + h * w * p1, limit)  # (F8)
+    return limit_deflection(limit_deflection(z, limit) * E + h * w * p1, limit)  # (F8)
 
 
 @kernel
@@ -81,6 +81,6 @@ def spring(sigma_0, F, z, w, h):
     """Mean torque over a step of an exponential spring that saturates at ``F`` (F8), and its derivative by ``w``."""
     slope = sigma_0 * h / F
     _, p1, p2, d1, d2 = decay(slope * abs(w))
-    z = held(z, F / sigma_0)
+    z = limit_deflection(z, F / sigma_0)
     mean = sigma_0 * (z * p1 + h * w * p2)  # (F8)
     return mean, sigma_0 * (h * p2 + (z * d1 + h * w * d2) * math.copysign(slope, w))

@@ -20,7 +20,7 @@ SUFFIX = ".json"
 UNITS = {"displacement": "rad", "torque": "N m"}  # of every law that drives a plant
 
 
-def named(friction: Any) -> bool:
+def is_file_name(friction: Any) -> bool:
     """Whether a form of a friction law is the name of such a file."""
     return isinstance(friction, str | os.PathLike) and os.fspath(friction).endswith(SUFFIX)
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from steer_env.friction.numerics.check import constructed, not_negative, number, numbers
+from steer_env.friction.numerics.check import construct, not_negative, number, numbers
 
 LEAST_EFFICIENCY = 0.01  # below, a gear is taken to lock itself; assumed [1]
 
@@ -62,7 +62,7 @@ def efficiency(given: Any) -> Efficiency:
         Another form, a value below ``LEAST_EFFICIENCY`` or above 1, or as of :func:`worm`.
     """
     if isinstance(given, Mapping):
-        return constructed("the worm gear", worm, given)
+        return construct("the worm gear", worm, given)
     if isinstance(given, bool | str):
         raise ValueError(f"efficiency must be a number, two or a mapping, got {given!r}")
     if not isinstance(given, Sequence | np.ndarray):

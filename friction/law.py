@@ -18,10 +18,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from steer_env.friction import fitted_file, ode
-from steer_env.friction.numerics.check import constructed, read_number
+from steer_env.friction.numerics.check import construct, read_number
 from steer_env.friction.numerics.kernel import binds, dispatch, kernel, plainly
 from steer_env.friction.numerics.registry import Registry
-from steer_env.friction.numerics.simd import any_of, negated, where
+from steer_env.friction.numerics.simd import any_of, invert, where
 
 
 class Sliders(NamedTuple):
@@ -183,7 +183,7 @@ def register(
         raise ValueError(f"friction law {name!r}: parity must be a function of the parameters, got {parity!r}")
     memory = {"memory_size": memory_size, "advance": advance, "rate": rate, "stored_energy": stored_energy}
     given = {"rest": rest, **memory, "cut_back": cut_back, "torque": torque, "mean_torque": mean_torque, "solve": solve}
-    functions = _completed(name, parameters, dict(given))
+    functions = _complete(name, parameters, dict(given))
     relaxing = ode.rest_torque if functions["mean_torque"] is ode.mean_torque else _relaxing
     law = Law(
         name=name,
@@ -287,7 +287,7 @@ def _try(law: Law, given: Mapping[str, Any]) -> None:
 _GUARD = 7.25  # beside a memory that is tried
 
 
-def _completed(name: str, parameters: type, given: dict[str, Any]) -> dict[str, Any]:
+def _complete(name: str, parameters: type, given: dict[str, Any]) -> dict[str, Any]:
     """All functions of a law from those that its file gives; one that is left out is None."""
     cut_back, rest = given.pop("cut_back"), given.pop("rest")
     missing = [key for key in ("memory_size", "rate", "stored_energy", "advance") if given[key] is None]
@@ -342,11 +342,11 @@ def make(name: str, **parameters: Any) -> Any:
     ValueError
         For an unknown name or key, with the valid ones, and for a value that the law does not allow.
     """
-    return _made(name, parameters)
+    return _make(name, parameters)
 
 
-def _made(name: str, parameters: Mapping[str, Any]) -> Any:
-    return constructed(f"friction law {name!r}", LAWS[name].make, parameters)
+def _make(name: str, parameters: Mapping[str, Any]) -> Any:
+    return construct(f"friction law {name!r}", LAWS[name].make, parameters)
 
 
 def resolve(friction: Any) -> Any:
@@ -365,20 +365,20 @@ def resolve(friction: Any) -> Any:
     ValueError
         For another form, an unknown law or parameter, or a value that the law does not allow.
     """
-    if _known(friction):
+    if _find(friction):
         return friction
     name, given = parts(friction)
     try:
-        return _made(name, given)
+        return _make(name, given)
     except ValueError as error:
-        if fitted_file.named(friction):
+        if fitted_file.is_file_name(friction):
             raise ValueError(f"{friction}: {error}") from None
         raise
 
 
 def parts(friction: Any) -> tuple[str, dict[str, Any]]:
     """Name of the law and the parameters that are given, from a form of :func:`resolve`; they are not checked."""
-    if fitted_file.named(friction):
+    if fitted_file.is_file_name(friction):
         path, friction = friction, fitted_file.read(friction)
         if "law" not in friction:
             raise ValueError(f"{path} holds friction at {', '.join(friction)}, where one law is needed")
@@ -399,7 +399,7 @@ def parts(friction: Any) -> tuple[str, dict[str, Any]]:
     if isinstance(friction, Mapping) and "law" in friction:
         given = dict(friction)
         return given.pop("law"), given
-    if not _known(friction):
+    if not _find(friction):
         raise ValueError(
             f"{friction!r} is not a set of friction parameters; give a name ({', '.join(available())}), text as"
             f" 'masing,elements=20', a mapping as {EXAMPLE}, or parameters from friction.make"
@@ -442,7 +442,7 @@ def scaled(parameters: Any, share: float) -> dict[str, Any]:
     return mapping
 
 
-def _known(parameters: Any) -> bool:
+def _find(parameters: Any) -> bool:
     return LAWS.of(type(parameters)) is not None
 
 
@@ -532,11 +532,11 @@ def newton(p, torque_scale, memory, S, R, h, w_guess, rest):
         new = where(gradient > 0.0, s - residual / gradient, -1.0)
         found = abs(new - s) <= 1e-9 * s  # quadratic convergence: the step after this one would be below rounding
         bounded = high > 0.0
-        leaves = negated(found) & ((new <= low) | (bounded & (new >= high)))
+        leaves = invert(found) & ((new <= low) | (bounded & (new >= high)))
         middle = where(bounded, 0.5 * (low + high), 2.0 * s)
-        spent = leaves & bounded & negated((low < middle) & (middle < high))  # down to neighbouring floats
-        s = where(going & negated(spent), where(leaves, middle, new), s)
-        going = going & negated(found | spent)
+        spent = leaves & bounded & invert((low < middle) & (middle < high))  # down to neighbouring floats
+        s = where(going & invert(spent), where(leaves, middle, new), s)
+        going = going & invert(found | spent)
         if not any_of(going):
             break
     return where(moves, side * s, excess)

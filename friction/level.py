@@ -5,8 +5,8 @@
 
 F is the load, L_0 a factor of the episode, n the number of periods in a turn of x. A law knows one scale at a time.
 Within a step the side of the motion is known before its speed: it is that to which R of the step equation (F7) exceeds
-the mean torque of a step at rest, as in :func:`steer_env.friction.law.step`. :func:`chosen` therefore takes the scale
-of that side beforehand, with two rules for a memory (bristle, springs) that is loaded:
+the mean torque of a step at rest, as in :func:`steer_env.friction.law.step`. So :func:`choose_scale` takes the scale of
+that side beforehand, with two rules for a memory (bristle, springs) that is loaded:
 
 * A memory holds what break-away allows in the direction in which it is loaded: it is cut back to L_+ where the torque
   at rest is positive, to L_- where it is negative.
@@ -132,7 +132,7 @@ def by_sample(level: Level, load: ArrayLike, x: ArrayLike, base: float = 1.0) ->
 
 
 @kernel
-def chosen(p, scales, memory, R, h):
+def choose_scale(p, scales, memory, R, h):
     """The scale with which a law takes a step that ``R`` drives; the memory is cut back to what break-away allows.
 
     Parameters
@@ -147,7 +147,7 @@ def chosen(p, scales, memory, R, h):
     """
     if all_of(scales.positive == scales.negative):
         return scales.positive
-    scale, rest = held(p, scales, memory, h)
+    scale, rest = scale_at_rest(p, scales, memory, h)
     if all_of(R == rest):
         return scale
     own = own_scale(p, scales, scale, rest, memory, where(R > rest, 1.0, -1.0), h)
@@ -155,7 +155,7 @@ def chosen(p, scales, memory, R, h):
 
 
 @kernel
-def held(p, scales, memory, h):
+def scale_at_rest(p, scales, memory, h):
     """The scale with which a memory is loaded, which is cut back to what break-away allows; the mean torque at rest."""
     positive, negative = scales.positive, scales.negative
     if all_of(positive == negative):
@@ -171,8 +171,8 @@ def held(p, scales, memory, h):
 
 @kernel
 def step(p, scales, memory, S, R, h, w_guess):
-    """As :func:`steer_env.friction.law.step`, with the scale that :func:`chosen` takes."""
-    return law.step(p, chosen(p, scales, memory, R, h), memory, S, R, h, w_guess)  # (F11)
+    """As :func:`steer_env.friction.law.step`, with the scale that :func:`choose_scale` takes."""
+    return law.step(p, choose_scale(p, scales, memory, R, h), memory, S, R, h, w_guess)  # (F11)
 
 
 @kernel

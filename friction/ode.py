@@ -118,7 +118,7 @@ def memory_size(p: Any) -> int:
 
 
 @kernel
-def _read(p, memory, own):
+def _copy_memory(p, memory, own):
     """Write the law's own memory, with the values at rest."""
     for j in range(own.size):
         own[j] = 0.0
@@ -142,7 +142,7 @@ def _stage(p, torque_scale, i, start, end, rates, w, h):
 
 
 @kernel
-def _judged(start, end, rates, error, size, h):
+def _largest_error(start, end, rates, error, size, h):
     """The largest error of a substep over its tolerance, NaN where something is not finite; whether it is steady.
 
     ``error`` and ``size`` are those of the torque [N m].
@@ -192,7 +192,7 @@ def _course(p, torque_scale, memory, w, step_of_speed, h):
         memory[4 * n : 5 * n],
     )
     rates, rates_other = memory[5 * n : (5 + STAGES) * n], memory[(5 + STAGES) * n :]
-    _read(p, memory, course)
+    _copy_memory(p, memory, course)
     own_cut(p, torque_scale, course)
     for j in range(n):
         other[j] = course[j]
@@ -215,9 +215,9 @@ def _course(p, torque_scale, memory, w, step_of_speed, h):
                 mean_other += ORDER_5[i] * at
                 error_other += DIFFERENCE[i] * at
                 size_other = max(size_other, abs(at))
-        excess, steady = _judged(course, end, rates, error, size, dt)
+        excess, steady = _largest_error(course, end, rates, error, size, dt)
         if step_of_speed != 0.0:
-            excess_other, too = _judged(other, end_other, rates_other, error_other, size_other, dt)
+            excess_other, too = _largest_error(other, end_other, rates_other, error_other, size_other, dt)
             excess = excess if excess_other <= excess else excess_other
             steady = steady and too
         if excess <= 1.0:
@@ -292,7 +292,7 @@ def torque(p, torque_scale, memory, w):
     """Torque at this moment [N m]."""
     n = memory.size // BLOCKS
     cut = memory[n : 2 * n]
-    _read(p, memory, cut)
+    _copy_memory(p, memory, cut)
     own_cut(p, torque_scale, cut)
     T = own_torque(p, torque_scale, cut, w)
     _clear(memory)
@@ -304,7 +304,7 @@ def rate(p, torque_scale, memory, w, out):
     """Write the time derivative of the memory at speed ``w`` [rad/s] into ``out``."""
     n = memory.size // BLOCKS
     own = memory[n : 2 * n]
-    _read(p, memory, own)
+    _copy_memory(p, memory, own)
     own_rate(p, torque_scale, own, w, out[:n])
     _clear(memory)
 
@@ -314,7 +314,7 @@ def stored_energy(p, memory):
     """Energy that the memory can give back [J]."""
     n = memory.size // BLOCKS
     own = memory[n : 2 * n]
-    _read(p, memory, own)
+    _copy_memory(p, memory, own)
     energy = own_energy(p, own)
     _clear(memory)
     return energy

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from steer_env.friction import sites
 from steer_env.friction.law import advance, law_of, resolve, torque
-from steer_env.friction.level import Scales, chosen
+from steer_env.friction.level import Scales, choose_scale
 from steer_env.friction.numerics.check import numbers, positive
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.kernel import binds, kernel
@@ -33,7 +33,9 @@ def follow(p, scales, memory, x, dt, out):
     """
     for i in range(1, x.size):
         w = (x[i] - x[i - 1]) / dt
-        torque_scale = chosen(p, Scales(scales[i, 0], scales[i, 1]), memory, math.inf * w if w != 0.0 else 0.0, dt)
+        torque_scale = choose_scale(
+            p, Scales(scales[i, 0], scales[i, 1]), memory, math.inf * w if w != 0.0 else 0.0, dt
+        )
         advance(p, torque_scale, memory, w, dt)
         out[i] = torque(p, torque_scale, memory, w)
 

@@ -41,16 +41,16 @@ from steer_env.friction.law import (
     stored_energy,
     torque,
 )
-from steer_env.friction.level import Level, Scales, chosen, largest, own_scale
+from steer_env.friction.level import Level, Scales, choose_scale, largest, own_scale
 from steer_env.friction.level import make as make_level
 from steer_env.friction.level import scales as level_scales
 from steer_env.friction.numerics import packing, scratch, units
-from steer_env.friction.numerics.check import constructed, not_negative, one_of
+from steer_env.friction.numerics.check import construct, not_negative, one_of
 from steer_env.friction.numerics.kernel import COMPILED, dispatch, kernel
 from steer_env.friction.numerics.packing import of_row
-from steer_env.friction.numerics.simd import all_of, any_of, maximum, negated, where
+from steer_env.friction.numerics.simd import all_of, any_of, invert, maximum, where
 from steer_env.friction.numerics.units import Part, address_of, between, cell
-from steer_env.friction.unit import held, step
+from steer_env.friction.unit import scale_at_rest, step
 
 NOTHING = {"law": "viscous", "sigma_2": 0.0}
 ABOVE, BELOW = "upper_column", ("lower_column", "gear", "rack", "motor")
@@ -179,7 +179,7 @@ def joint(p, scales, memory, equations, w1, w2, led):
         return w1 if led else (R1 + K * w2) / a, w2, 0.0 * a, T  # (C7)
     holds, torques = scratch.like(memory, MOST), scratch.like(memory, MOST)
     L, taken = scratch.like(memory, MOST), scratch.like(memory, MOST)
-    rest = Rest(holds, torques, _held_below(p, scales, memory, h, holds, torques))
+    rest = Rest(holds, torques, _rest_torque_below(p, scales, memory, h, holds, torques))
     for i in range(p.at.above, p.at.places.shape[0]):
         L[i] = holds[i]
     scale, expected, going = 0.0, w1, True
@@ -189,13 +189,13 @@ def joint(p, scales, memory, equations, w1, w2, led):
         w, slope = R / a, 0.0  # (F43) without friction above
         if p.at.above:
             law, own = law_at(p, 0), between(memory, p.at.places, 0, 2)
-            scale = where(going, chosen(law, Scales(scales[0], scales[1]), own, R, h), scale)  # (F11)
+            scale = where(going, choose_scale(law, Scales(scales[0], scales[1]), own, R, h), scale)  # (F11)
             if not led:
                 w = solve(law, scale, own, a, R, h, expected)  # (F43)
         w1 = where(going & (not led), w, w1)
         if i > 0:
             close = K * abs(w1 - expected) <= CLOSE * (S * abs(w2) + abs(R2) + K * (abs(w1) + abs(R1) / a))
-            going = going & negated(close)
+            going = going & invert(close)
             if i == MOST_ROUNDS or not any_of(going):
                 break
         # Below it, with w1 + slope (w - w2) while the speed w is sought. A slope may lead to and fro across a kink;
@@ -206,7 +206,7 @@ def joint(p, scales, memory, equations, w1, w2, led):
                 whole += mean_torque(law_at(p, 0), scale, between(memory, p.at.places, 0, 2), w1, h)[1]
             slope = where((w1 != 0.0) & (i < WITH_SLOPE), K / whole, 0.0)
         R = R2 + K * (w1 - slope * w2)
-        w = _solved_below(p, scales, rest, memory, S - K * slope, R, h, w2, taken)
+        w = _solve_below(p, scales, rest, memory, S - K * slope, R, h, w2, taken)
         expected = w1 + slope * (w - w2)
         for j in range(p.at.above, p.at.places.shape[0]):
             L[j] = where(going, taken[j], L[j])
@@ -227,18 +227,18 @@ def joint(p, scales, memory, equations, w1, w2, led):
 
 
 @kernel
-def _held_below(p, scales, memory, h, holds, torques):
+def _rest_torque_below(p, scales, memory, h, holds, torques):
     """The sum of a :class:`Rest`, of which ``holds`` and ``torques`` are filled; memories are cut back."""
     rest = 0.0
     for i in range(p.at.above, p.at.places.shape[0]):
         own, both = between(memory, p.at.places, i, 2), Scales(scales[2 * i], scales[2 * i + 1])
-        holds[i], torques[i] = held(law_at(p, i), both, own, h)
+        holds[i], torques[i] = scale_at_rest(law_at(p, i), both, own, h)
         rest += torques[i]
     return rest
 
 
 @kernel
-def _solved_below(p, scales, rest, memory, S, R, h, guess, L):
+def _solve_below(p, scales, rest, memory, S, R, h, guess, L):
     """The speed with ``S w`` + the torques below the bar = ``R``; ``L`` receives the scales with which it is so."""
     still = R == rest.sum
     for i in range(p.at.above, p.at.places.shape[0]):
@@ -250,11 +250,11 @@ def _solved_below(p, scales, rest, memory, S, R, h, guess, L):
         law, own, both = law_at(p, i), between(memory, p.at.places, i, 2), Scales(scales[2 * i], scales[2 * i + 1])
         if not all_of(both.positive == both.negative):  # else the one that holds it
             L[i] = where(still, L[i], own_scale(law, both, L[i], rest.torques[i], own, side, h))
-    return where(still, 0.0, _moved(Below(p), L, memory, S, R, h, guess, side, rest.sum))
+    return where(still, 0.0, _solve_motion(Below(p), L, memory, S, R, h, guess, side, rest.sum))
 
 
 @kernel
-def _moved(p, L, memory, S, R, h, guess, side, rest):
+def _solve_motion(p, L, memory, S, R, h, guess, side, rest):
     """The speed of a motion to a side, or rest where a set-valued law holds it."""
     start = rest if p.friction.at.continuous else mean_torque(p, L, memory, side * 0.0, h)[0]
     return newton(p, L, memory, S, where(side * (R - start) > 0.0, R, start), h, guess, start)
@@ -423,14 +423,14 @@ def _table(p: Any, idle: tuple[bool, ...], wide: bool, linked: bool) -> Any:
     if not COMPILED:
         return Table(tuple(laws_there), places, places, *flags)
     codes = [unit.code(law, wide) for law in laws_there]
-    sizes, addresses = (_stacked([getattr(code, name) for code in codes]) for name in ("sizes", "addresses"))
+    sizes, addresses = (_stack([getattr(code, name) for code in codes]) for name in ("sizes", "addresses"))
     if not linked:
         return Table(addresses, sizes, places, *flags)
     functions = tuple(tuple((each or units.ABSENT, law) for each in unit.functions(law)) for law in laws_there)
     return units.Linked.of(Table(functions, sizes, places, *flags))
 
 
-def _stacked(rows: list[NDArray[np.int64]]) -> NDArray[np.int64]:
+def _stack(rows: list[NDArray[np.int64]]) -> NDArray[np.int64]:
     """Rows of different lengths as one array."""
     found = np.zeros((len(rows), max(map(len, rows), default=1)), np.int64)
     for i, row in enumerate(rows):
@@ -485,7 +485,7 @@ def make_sites(given: Mapping[str, Any]) -> Sites:
     """
     for name in given:
         one_of("a site of friction", name, (ABOVE, *BELOW, *defaults.SHARES))
-    given = _split(given)
+    given = _split_over_sites(given)
     sites, start = [], 0
     for name in (ABOVE, *BELOW):
         try:
@@ -497,7 +497,7 @@ def make_sites(given: Mapping[str, Any]) -> Sites:
     return Sites(*sites)
 
 
-def _split(given: Mapping[str, Any]) -> dict[str, Any]:
+def _split_over_sites(given: Mapping[str, Any]) -> dict[str, Any]:
     """The mapping with the shares of a law at its sites in place of a steering that it names."""
     found = dict(given)
     for steering in [name for name in defaults.SHARES if name in given]:
@@ -537,7 +537,7 @@ def _site(name: str, given: Any, start: int) -> Site:
             raise ValueError("give the efficiency, or driving and driven, which follow from it")
         growth = _growth(gear.efficiency(own.pop("efficiency")), p)
         driving, driven = map(not_negative, ("driving", "driven"), growth)
-    level = constructed("level", make_level, own)
+    level = construct("level", make_level, own)
     return Site(p, level, driving, driven, start, start + law_of(p).memory_size(p))
 
 
@@ -636,13 +636,13 @@ def resolve(friction: Any) -> Any:
         return friction
     if isinstance(friction, Mapping) and (friction.keys() & {ABOVE, *BELOW, *defaults.SHARES} or _of_laws(friction)):
         return make_sites(friction)
-    if fitted_file.named(friction) and fitted_file.of_sites(friction):
+    if fitted_file.is_file_name(friction) and fitted_file.of_sites(friction):
         held = fitted_file.read(friction)
         try:
             return make_sites(held)
         except ValueError as error:
             raise ValueError(f"{friction}: {error}") from None
-    if isinstance(friction, str) and "@" in friction and not fitted_file.named(friction):
+    if isinstance(friction, str) and "@" in friction and not fitted_file.is_file_name(friction):
         return make_sites(_of_text(friction))
     return laws.resolve(friction)
 
@@ -756,7 +756,7 @@ def as_given(friction: Any) -> dict[str, dict[str, Any]]:
     """Sites from a form of :func:`resolve` as they were given, so that what was left out follows what is changed."""
     if isinstance(friction, Sites):
         friction = as_mapping(friction)
-    if fitted_file.named(friction):
+    if fitted_file.is_file_name(friction):
         friction = fitted_file.read(friction)
     found = _of_text(friction) if isinstance(friction, str) else friction
     return {site: {"law": law, **own} for site, (law, own) in ((site, laws.parts(own)) for site, own in found.items())}

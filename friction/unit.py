@@ -33,8 +33,8 @@ def _rest_torque(numbers, sizes, torque_scale, memory, h):
 
 
 @kernel
-def _held(numbers, sizes, positive, negative, memory, h):
-    scale, rest = level.held(values(numbers, sizes), Scales(positive, negative), array(memory, sizes), h)
+def _scale_at_rest(numbers, sizes, positive, negative, memory, h):
+    scale, rest = level.scale_at_rest(values(numbers, sizes), Scales(positive, negative), array(memory, sizes), h)
     return scale, number(rest, scale)
 
 
@@ -65,13 +65,13 @@ FUNCTIONS = (  # in the order of their addresses
     Function(_torque, "npn", ONE),
     Function(_advance, "npnn", NONE),
     Function(_rest_torque, "npn", ONE),
-    Function(_held, "nnpn", TWO),
+    Function(_scale_at_rest, "nnpn", TWO),
     Function(_step, "nnpnnnn", TWO),
     Function(_solve, "npnnnn", ONE),
     Function(_mean_torque, "npnn", TWO),
     Function(_rate, "npnp", NONE),
 )
-TORQUE, ADVANCE, REST_TORQUE, HELD, STEP, SOLVE, MEAN_TORQUE, RATE = range(len(FUNCTIONS))
+TORQUE, ADVANCE, REST_TORQUE, SCALE_AT_REST, STEP, SOLVE, MEAN_TORQUE, RATE = range(len(FUNCTIONS))
 _one, _two, _none = caller(ONE), caller(TWO), caller(NONE)
 
 
@@ -91,8 +91,8 @@ def _rest_torque_of(p, torque_scale, memory, h):
 
 
 @kernel
-def _held_of(p, scales, memory, h):
-    return _two(p, HELD, (scales.positive, scales.negative, memory, h))
+def _scale_at_rest_of(p, scales, memory, h):
+    return _two(p, SCALE_AT_REST, (scales.positive, scales.negative, memory, h))
 
 
 @kernel
@@ -118,9 +118,9 @@ def _rate_of(p, torque_scale, memory, w, out):
 # Dispatch points, as those of steer_env.friction.law, for a law of any form.
 
 
-def held(p, scales, memory, h):
-    """:func:`steer_env.friction.level.held`."""
-    return level.held(p, scales, memory, h)
+def scale_at_rest(p, scales, memory, h):
+    """:func:`steer_env.friction.level.scale_at_rest`."""
+    return level.scale_at_rest(p, scales, memory, h)
 
 
 def step(p, scales, memory, S, R, h, w_guess):
@@ -128,8 +128,8 @@ def step(p, scales, memory, S, R, h, w_guess):
     return level.step(p, scales, memory, S, R, h, w_guess)
 
 
-_BY_ADDRESS = {"held": _held_of, "step": _step_of}
-for _point in (held, step):
+_BY_ADDRESS = {"scale_at_rest": _scale_at_rest_of, "step": _step_of}
+for _point in (scale_at_rest, step):
     dispatch(_point, lambda kind, name: (_BY_ADDRESS if kind is Part else vars(level))[name])
 
 

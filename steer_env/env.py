@@ -13,7 +13,7 @@ from steer_env.engine.batch import EnvironmentBatch
 from steer_env.engine.infos import Infos, checked_level
 from steer_env.engine.row_wrapper import ALL, observed, wrapper_of
 from steer_env.engine.specification import PlainSpecification
-from steer_env.engine.state import State, copied, restore
+from steer_env.engine.state import State, copy_state, restore
 from steer_env.friction.numerics.check import whole
 from steer_env.rendering.modes import MODES, checked_mode, frame_rate
 from steer_env.tasks import Task
@@ -161,7 +161,7 @@ class SteerEnv(PlainSpecification, gym.Env):
         if not isinstance(action, np.ndarray) or action.shape != (1,) or action.dtype.kind not in "fiu":
             action = as_actions("action", action, (1,))
         if not -1.0 <= action.item() <= 1.0:
-            action = clipped(action)
+            action = clip_actions(action)
         if batch.over[0]:
             raise RuntimeError("the episode is over or has not begun: call reset")
         batch.step(action, (self.np_random,))
@@ -187,7 +187,7 @@ class SteerEnv(PlainSpecification, gym.Env):
             environment that takes the state draws its later noise and episodes from its own generator.
         """
         rng, seed = self.np_random, self.np_random_seed
-        return copied(self.batch, ((rng, seed),) if include_rng else None)
+        return copy_state(self.batch, ((rng, seed),) if include_rng else None)
 
     def set_state(self, state: State) -> None:
         """Continue from a state of :meth:`get_state`, of this environment or another of its kind.
@@ -265,7 +265,7 @@ def as_actions(name: str, given: Any, shape: tuple[int, ...] | None) -> NDArray[
     raise ValueError(f"{name} must be an array of shape {shape} of real numbers, got {given!r}{remedy}")
 
 
-def clipped(actions: NDArray[Any]) -> NDArray[Any]:
+def clip_actions(actions: NDArray[Any]) -> NDArray[Any]:
     """Actions clipped to [-1, 1]; ValueError if one is not finite."""
     if np.minimum.reduce(actions, axis=None) >= -1.0 and np.maximum.reduce(actions, axis=None) <= 1.0:
         return actions

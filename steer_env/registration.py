@@ -5,7 +5,7 @@ from importlib.resources import files
 
 import gymnasium as gym
 
-from steer_env.friction.numerics.registry import camel_case, listed
+from steer_env.friction.numerics.registry import camel_case, modules_by_name
 
 _TUNED = (
     " An episode starts with the assist out of tune, and narrow wanted bands about the car's own feel replace the "
@@ -57,7 +57,7 @@ def history(name: str) -> str:
 
 def _entry_points(package: str, module: str) -> dict[str, str]:
     """Id -> entry point, for everything in a folder of tasks or scenarios."""
-    return {id_of(name): f"{module}:{name}" for name in listed(package, camel_case)}
+    return {id_of(name): f"{module}:{name}" for name in modules_by_name(package, camel_case)}
 
 
 # A step is one control step of a drive.

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from steer_env.engine.infos import Infos, checked_level, of_some
 from steer_env.engine.row_wrapper import ALL, Rows, observed, wrapper_of
 from steer_env.engine.specification import PlainSpecification
-from steer_env.engine.state import State, copied, restore
-from steer_env.env import as_actions, batch_of, clipped
+from steer_env.engine.state import State, copy_state, restore
+from steer_env.env import as_actions, batch_of, clip_actions
 from steer_env.friction.numerics.check import whole
 from steer_env.friction.numerics.thread_pool import most_threads
 from steer_env.rendering.modes import VECTOR_MODES, checked_mode, frame_rate
@@ -143,7 +143,7 @@ class SteerVectorEnv(PlainSpecification, VectorEnv):
         batch, mode = self.batch, self.autoreset_mode
         if self._wrapper:
             actions = self._wrapper.action(np.asarray(actions))
-        actions = clipped(as_actions("actions", actions, (self.num_envs, 1)))
+        actions = clip_actions(as_actions("actions", actions, (self.num_envs, 1)))
         over = batch.over.copy()
         ended = np.flatnonzero(over).tolist()
         if ended and (mode == AutoresetMode.DISABLED or not batch.episodes["end"].any()):
@@ -212,7 +212,7 @@ class SteerVectorEnv(PlainSpecification, VectorEnv):
 
     def get_state(self, include_rng: bool = True) -> State:
         """A copy of everything that decides how the episodes go on, as :meth:`steer_env.env.SteerEnv.get_state`."""
-        return copied(self.batch, tuple(zip(self.np_random, self.np_random_seed)) if include_rng else None)
+        return copy_state(self.batch, tuple(zip(self.np_random, self.np_random_seed)) if include_rng else None)
 
     def set_state(self, state: State) -> None:
         """Continue from a state, as :meth:`steer_env.env.SteerEnv.set_state`.

@@ -59,7 +59,7 @@ _NOMINAL_LOAD = 4850.0  # [N]
 _LINEAR = 1e5  # PKY2 that makes the stiffness linear in load to 1e-9
 
 
-def _read(parameters: Any, path: str) -> float:
+def _number_at(parameters: Any, path: str) -> float:
     """The number at a dotted path of attributes."""
     value = parameters
     for part in path.split("."):
@@ -92,8 +92,8 @@ def chassis(parameters: Any, changes: Mapping[str, float] | None = None) -> dict
     ``front_axle`` and ``rear_axle`` refer to the centre of gravity of the whole car, ``a`` and ``b`` to the sprung one.
     Left out: ``h_raf`` and ``D_f``, which the strut replaces; ``K_ras``, ``K_rad``, ``K_lt``, ``E_f``, ``E_r``.
     """
-    known = {key: factor * _read(parameters, name) + 0.0 for key, (name, factor) in _RENAMED.items()} | ASSUMED
-    a, b, m, m_uf, m_ur = (_read(parameters, name) for name in ("a", "b", "m", "m_uf", "m_ur"))
+    known = {key: factor * _number_at(parameters, name) + 0.0 for key, (name, factor) in _RENAMED.items()} | ASSUMED
+    a, b, m, m_uf, m_ur = (_number_at(parameters, name) for name in ("a", "b", "m", "m_uf", "m_ur"))
     ahead = (m_uf * a - m_ur * b) / m  # position of the centre of gravity of the whole car ahead of the sprung one
     known |= {"front_axle": a - ahead, "rear_axle": b + ahead}
     for key in changes or {}:
@@ -147,7 +147,7 @@ def car_data(
         **empty,
         "speed_hold": {},
         **{key: dict(section) for key, section in sections.items()},
-        "drivetrain": {"front_share": _read(parameters, "T_se"), **sections.get("drivetrain", {})},
+        "drivetrain": {"front_share": _number_at(parameters, "T_se"), **sections.get("drivetrain", {})},
     }
 
 
@@ -180,11 +180,11 @@ def tyre(parameters: Any, relaxation_length: float = 0.55) -> Tyre:
     """
 
     def of(name: str) -> float:
-        return _read(parameters, f"tire.{name}")
+        return _number_at(parameters, f"tire.{name}")
 
     coefficients = MagicFormula(
         FNOMIN=_NOMINAL_LOAD,
-        UNLOADED_RADIUS=_read(parameters, "R_w"),
+        UNLOADED_RADIUS=_number_at(parameters, "R_w"),
         LONGVL=16.7,  # assumed; used only in M_y, which is zero
         FITTYP=52.0,
         PCX1=of("p_cx1"),
@@ -224,5 +224,5 @@ def tyre(parameters: Any, relaxation_length: float = 0.55) -> Tyre:
         coefficients,
         relaxation_length=relaxation_length,
         longitudinal_relaxation_length=relaxation_length,
-        vertical_stiffness=_read(parameters, "K_zt"),
+        vertical_stiffness=_number_at(parameters, "K_zt"),
     )

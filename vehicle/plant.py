@@ -27,7 +27,7 @@ from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.interpolation import hermite
 from steer_env.friction.numerics.kernel import COMPILED, binds, dispatch, kernel, part, plain
 from steer_env.friction.numerics.packing import common, of_row, of_rows
-from steer_env.friction.numerics.simd import any_of, apart, beside, broadcast, pack, place, unpack, where
+from steer_env.friction.numerics.simd import any_of, as_index, broadcast, deinterleave, interleave, pack, unpack, where
 from steer_env.vehicle import chassis
 from steer_env.vehicle.chassis.common.interface import (
     ASSIST_REQUEST,
@@ -289,7 +289,7 @@ def begin(p, state):
     for i in range(u.size):
         u[i] = 0.0
     for _ in range(2):  # the last evaluation and the one before
-        evaluate(p, at, state, u, chassis.derivative_apart)
+        evaluate(p, at, state, u, chassis.separate_derivative)
     return SETTLING if straight else RUN_IN
 
 
@@ -382,18 +382,18 @@ def run_fours(template, common, rows, states, inputs, channels, finite, low, hig
     lanes = pack(0.0, 1.0, 2.0, 3.0)
     for i in range(low, high):
         if any_of(waits[i - low] > 0.0):
-            four, found, k = place(lanes), 0, i
+            four, found, k = as_index(lanes), 0, i
             while k < high and found < 4:
                 if any_of(waits[k - low] > 0.0) and _one_way(template, common, rows, states, i, k):
                     four = where(lanes >= found, k, four)  # lanes for which there is no row do what the last one does
                     found += 1
                     waits[k - low] = 0.0
                 k += 1
-            beside(states, size, four, block)
-            beside(inputs, samples * taken, four, u)
+            interleave(states, size, four, block)
+            interleave(inputs, samples * taken, four, u)
             sound = run(_side_by_side(of_rows(template, rows, four), of_friction), block[0], u, row, 1)
-            apart(block, size, four, states)
-            apart(row, told, four, channels)
+            deinterleave(block, size, four, states)
+            deinterleave(row, told, four, channels)
             for k, each in zip(unpack(four), unpack(sound)):
                 finite[k] = each
 
@@ -442,9 +442,9 @@ def begin_fours(template, rows, states, samples, low, high):
     """
     block = scratch.fours(1, states.shape[1])
     for i in range(low, high):
-        four = place(broadcast(i))
+        four = as_index(broadcast(i))
         samples[i] = begin(_rolling(of_rows(template, rows, four)), block[0])
-        apart(block, states.shape[1], four, states)
+        deinterleave(block, states.shape[1], four, states)
 
 
 def reported(p: Plant, state: NDArray[np.float64], u: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -470,7 +470,7 @@ def initial_state(p: Plant) -> NDArray[np.float64]:
     return settled(p)[0]
 
 
-def held_speed(p: Plant) -> float:
+def initial_speed(p: Plant) -> float:
     """The speed at which a plant starts [m/s]."""
     state = np.zeros(size_of(p))
     begin(p, state)

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from steer_env.friction.numerics import packing
-from steer_env.friction.numerics.check import constructed, number, one_of, positive
+from steer_env.friction.numerics.check import construct, number, one_of, positive
 from steer_env.friction.numerics.interpolation import hermite
 from steer_env.friction.numerics.kernel import dispatch, kernel
 from steer_env.friction.numerics.simd import broadcast, pack
@@ -37,7 +37,7 @@ LOWEST_WAVE_NUMBER, HIGHEST_WAVE_NUMBER = 0.01, 10.0  # [cycle/m]
 LEVEL_START, RUN_IN = 5.0, 20.0  # at either end of a random road: exactly level, then rising to full height [m]
 
 
-@packing.shared
+@packing.mark_as_tables
 class Road(NamedTuple):
     """Road as the kernels take it; the functions below make and check it. Rows of arrays: left, right."""
 
@@ -264,7 +264,7 @@ def resolve(road: Any) -> Road | None:
             f"road must be a mapping as {{'road': 'iso8608', 'seed': 1}}, with one of {', '.join(_MAKERS)}, or a Road"
             f" from these functions of steer_env.vehicle.road, got {road!r}"
         )
-    return constructed(f"road {name!r}", _MAKERS[name], given)
+    return construct(f"road {name!r}", _MAKERS[name], given)
 
 
 def as_mapping(road: Road) -> dict[str, Any]:

@@ -73,7 +73,7 @@ def steepest(a: Assist, speed: float, reach: float) -> float:
     return float(slopes[: max(int(np.sum(a.torques[:-1] + boost[:-1] < reach)), 1)].max())
 
 
-def _straight(car: Car, a: Assist, slope: float, law: Any, speed: float, chassis: str) -> Point:
+def _straight_running(car: Car, a: Assist, slope: float, law: Any, speed: float, chassis: str) -> Point:
     """Straight running, hands off, with a slope of the boost."""
     curve = np.tile(slope * a.torques, (a.speeds.size, 1))
     p = car._replace(assist=frozen(a._replace(boost=curve))).plant(law, speed, chassis=chassis)
@@ -123,13 +123,13 @@ def margins(
         stable &= all(stability.stable(car.column, a, v, free=free) for free in (False, True))
     for kph, reach in zip(SPEEDS, reached, strict=True):
         slope, points = steepest(a, kph / KPH, reach), list[Point]()
-        sliding = _straight(laden, a, slope, FRICTIONLESS, kph / KPH, chassis)
+        sliding = _straight_running(laden, a, slope, FRICTIONLESS, kph / KPH, chassis)
         points += [assist_loop.transmitted(sliding, factor) for factor in passed]
         if kph <= RESTING_UP_TO:
-            points.append(_straight(laden, a, slope, law, kph / KPH, chassis))
+            points.append(_straight_running(laden, a, slope, law, kph / KPH, chassis))
         stable &= not any(map(assist_loop.grows, points))
         if (turning := _return_saturated(a)) is not a:
-            sliding = _straight(laden, turning, slope, FRICTIONLESS, kph / KPH, chassis)
+            sliding = _straight_running(laden, turning, slope, FRICTIONLESS, kph / KPH, chassis)
             points += [assist_loop.transmitted(sliding, factor) for factor in passed]
         each = [read(FREQUENCIES, assist_loop.open_loop(p).response(FREQUENCIES)) for p in points]
         found[f"phase_{kph:.0f}"] = min(math.degrees(min(m.phase for m in each)), ENOUGH[0])
@@ -186,7 +186,7 @@ def kind(constraint: str) -> str:
     return next(words for part, words in KINDS.items() if part in constraint)
 
 
-def told(constraint: str, violation: float) -> str:
+def describe_violation(constraint: str, violation: float) -> str:
     """A missed limit in words, from its :func:`violations`."""
     kind, _, end = constraint.rpartition("_")
     at = f" at {end} km/h" if end.isdigit() else ""

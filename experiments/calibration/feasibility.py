@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 
 from optuna.trial import FrozenTrial
 
-from steer_env.experiments.calibration.constraints import GAIN, PHASE, told
+from steer_env.experiments.calibration.constraints import GAIN, PHASE, describe_violation
 from steer_env.experiments.calibration.problem import Problem, distance
-from steer_env.experiments.calibration.search import best, kept
+from steer_env.experiments.calibration.search import best, keeps_constraints
 from steer_env.experiments.pages.words import label, unit
 from steer_env.targets import Band
 
@@ -60,7 +60,7 @@ def _closest(name: str, band: Band, trials: Sequence[FrozenTrial], far: Mapping[
     def nearest(chosen: Sequence[FrozenTrial]) -> FrozenTrial:
         return min(chosen, key=lambda t: (far[id(t)][name], t.number))
 
-    safe = [t for t in trials if kept(t)]
+    safe = [t for t in trials if keeps_constraints(t)]
     leader = nearest(safe or trials)
     of = {label: values[name] for label, values in leader.user_attrs["details"]["metrics"].items()}
     known = [value for value in of.values() if value is not None] or [float("nan")]
@@ -71,7 +71,7 @@ def _closest(name: str, band: Band, trials: Sequence[FrozenTrial], far: Mapping[
 def judge(problem: Problem, trials: Sequence[FrozenTrial], counted: Sequence[str]) -> Feasibility:
     """What the evaluated sets show of the bands that are counted."""
     far = {id(t): distances(problem, t, counted) for t in trials}
-    safe = [t for t in trials if kept(t)]
+    safe = [t for t in trials if keeps_constraints(t)]
     alone = {name for name in counted if any(far[id(t)][name] <= IN_BAND for t in safe)}
     never = tuple(_closest(n, problem.bands[n], trials, far) for n in counted if n not in alone)
     pairs = []
@@ -110,7 +110,7 @@ def sentences(problem: Problem, found: Feasibility, units: Mapping[str, str], co
         f"Not feasible as far as {tried}{among}: none has every counted band in all conditions and keeps {margins}."
     ]
     if found.nearest:
-        each = "; ".join(told(*miss) for miss in found.nearest[:3])
+        each = "; ".join(describe_violation(*miss) for miss in found.nearest[:3])
         more = f", and {len(found.nearest) - 3} more" if len(found.nearest) > 3 else ""
         said[0] = f"Not feasible as far as {tried}: no set keeps the constraints."
         said.append(f"The set that comes nearest misses {each}{more}.")

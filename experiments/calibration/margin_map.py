@@ -65,7 +65,7 @@ def hold(point: Point, hands: str, law: Any) -> Point:
     return held(point, hands, law, arm()[:3] if hands == "arms" else (0.0, 0.0, 0.0))
 
 
-def _turned(turn: Cornering, torque: float) -> Point | None:
+def _steady_turn(turn: Cornering, torque: float) -> Point | None:
     """The steady turn at a torque [N m]; None where the car does not reach it, which the map shows."""
     if torque <= turn.torques.max():
         with suppress(ValueError):  # too near to the limit of the front tyres
@@ -73,7 +73,7 @@ def _turned(turn: Cornering, torque: float) -> Point | None:
     return None
 
 
-def held_points(point: Point, hands: str, friction: str, law: Any) -> list[Point]:
+def operating_points(point: Point, hands: str, friction: str, law: Any) -> list[Point]:
     """The point with its hands and friction; of friction that slides, with each factor that its gear has (E25)."""
     if friction == RESTING:
         return [hold(point, hands, law)]
@@ -81,19 +81,21 @@ def held_points(point: Point, hands: str, friction: str, law: Any) -> list[Point
 
 
 def worst_point(point: Point, hands: str, friction: str, law: Any) -> Point:
-    """That of :func:`held_points` with the smallest disk margin."""
-    each = held_points(point, hands, friction, law)
+    """That of :func:`operating_points` with the smallest disk margin."""
+    each = operating_points(point, hands, friction, law)
     return min(each, key=lambda p: assist_loop.margins(p).disk) if len(each) > 1 else each[0]
 
 
 def _margins(point: Point | None, hands: str, friction: str, law: Any) -> Margins | None:
-    return least([assist_loop.margins(each) for each in held_points(point, hands, friction, law)]) if point else None
+    return (
+        least([assist_loop.margins(each) for each in operating_points(point, hands, friction, law)]) if point else None
+    )
 
 
 def of_speed(turn: Cornering, kph: float, law: Any) -> Iterator[Cell]:
     """The cells of one speed."""
     for torque in TORQUES:
-        point = _turned(turn, torque)
+        point = _steady_turn(turn, torque)
         for hands, friction in product(HANDS, (SLIDING, RESTING)):
             yield Cell(kph, torque, hands, friction, _margins(point, hands, friction, law))
 
@@ -115,9 +117,9 @@ def of_car(car: Car, law: Any, loads: Sequence[float], chassis: str) -> list[Cel
 
 def seconds(car: Car, law: Any, chassis: str) -> float:
     """Time that a point of the map takes, of those of one speed that the car reaches [s]."""
-    start = time.perf_counter() - cache.spent()
+    start = time.perf_counter() - cache.compile_seconds()
     cells = list(of_speed(cornering(car, SAMPLE / KPH, chassis), SAMPLE, law))
-    return (time.perf_counter() - cache.spent() - start) / sum(cell.margins is not None for cell in cells)
+    return (time.perf_counter() - cache.compile_seconds() - start) / sum(cell.margins is not None for cell in cells)
 
 
 def at(points: Sequence[Cell], car: Car, law: Any, chassis: str) -> list[Cell]:
@@ -125,10 +127,10 @@ def at(points: Sequence[Cell], car: Car, law: Any, chassis: str) -> list[Cell]:
     found = list[Cell]()
     for p in points:
         turn = cornering(car.loaded(p.load), p.speed_kph / KPH, chassis)
-        found.append(p._replace(margins=_margins(_turned(turn, p.torque), p.hands, p.friction, law)))
+        found.append(p._replace(margins=_margins(_steady_turn(turn, p.torque), p.hands, p.friction, law)))
     return found
 
 
-def missed(cells: Sequence[Cell]) -> list[Cell]:
+def cells_below_limits(cells: Sequence[Cell]) -> list[Cell]:
     """The cells below the limits of phase or gain margin, or unstable."""
     return [cell for cell in cells if cell.broken]

@@ -32,7 +32,7 @@ class OwnAngles(NamedTuple):
     changed: tuple[tuple[str, str, bool], ...]  # metric, condition, and whether it is now in its band
 
 
-def driven(case: tuple[Problem, Mapping[str, float]]) -> Evaluation:
+def evaluate_with_own_angles(case: tuple[Problem, Mapping[str, float]]) -> Evaluation:
     """Evaluate a set with its own handwheel angles, where :func:`problem.evaluate` takes those of the starting car.
 
     Where the car does not reach the lateral acceleration of a test, all metrics are None.
@@ -45,7 +45,7 @@ def driven(case: tuple[Problem, Mapping[str, float]]) -> Evaluation:
         return Evaluation({c.label: nothing for c in problem.conditions}, {}, dict.fromkeys(nothing, str(error)))
 
 
-def replaced(problem: Problem, counted: Sequence[str], trial: FrozenTrial, found: Evaluation) -> FrozenTrial:
+def replace_metrics(problem: Problem, counted: Sequence[str], trial: FrozenTrial, found: Evaluation) -> FrozenTrial:
     """A copy of a set with the metrics of an evaluation; its margins and constraints stay."""
     other = copy.copy(trial)
     details = {**trial.user_attrs["details"], "metrics": found.metrics, "refused": found.refused}
@@ -66,7 +66,7 @@ def _change(before: float | None, after: float | None, band: Band) -> float:
     return abs(after - before) / (band.good[1] - band.good[0])
 
 
-def compared(problem: Problem, counted: Sequence[str], searched: FrozenTrial, checked: FrozenTrial) -> OwnAngles:
+def compare_angles(problem: Problem, counted: Sequence[str], searched: FrozenTrial, checked: FrozenTrial) -> OwnAngles:
     """What differs between a set as the search saw it and the same with its own handwheel angles."""
     before, after = (t.user_attrs["details"]["metrics"] for t in (searched, checked))
     most, changed = (0.0, "", ""), []

@@ -155,7 +155,7 @@ def study_of(
     for f in factors:
         for end in (f.low, f.high):
             try:
-                variation.assist_of(variation.changed(study, {f.name: end})[0], {f.name: end})
+                variation.assist_of(variation.change_car(study, {f.name: end})[0], {f.name: end})
             except ValueError as error:
                 raise ValueError(f"{what}: {f.name}={end:g} is not allowed: {error}") from None
     return study
@@ -184,7 +184,7 @@ def _range(car: Car, law: Any, name: str, given: Any, what: str) -> Range:
     return Range(name, unit, low, high, own, False, limits)
 
 
-def drawn(factors: Sequence[Range], seed: int, index: int, distribution: str = "uniform") -> tuple[float, ...]:
+def draw_car(factors: Sequence[Range], seed: int, index: int, distribution: str = "uniform") -> tuple[float, ...]:
     """The parameters of one car [their units]."""
     found = []
     for f in factors:
@@ -212,7 +212,7 @@ def collect(
     """Draw and drive the cars of a population."""
     n, seed = whole("n", n, 1), whole("seed", seed, 0)
     one_of("distribution", distribution, DISTRIBUTIONS)
-    rows = [drawn(study.factors, seed, index, distribution) for index in range(n)]
+    rows = [draw_car(study.factors, seed, index, distribution) for index in range(n)]
     size = max(BLOCK, math.ceil(n / BLOCKS))
     blocks = [Block(study, tuple(rows[k : k + size]), f"cars {k + 1} to {min(k + size, n)}") for k in range(0, n, size)]
     driven = sweep(evaluate, blocks, notify=notify, words=lambda block: block.label)

@@ -214,7 +214,7 @@ def digest(problem: Problem) -> str:
     return hashlib.sha256(pickle.dumps(tuple(problem._replace(ranges=())), 5)).hexdigest()[:32]
 
 
-def prepared(problem: Problem) -> Prepared:
+def prepare_problem(problem: Problem) -> Prepared:
     """The drives of a problem in every condition, kept in this process.
 
     Raises
@@ -230,10 +230,10 @@ def prepared(problem: Problem) -> Prepared:
             load, level = condition.load, condition.friction_level
             drawn = undrawn(problem.car, problem.law, problem.speed)._replace(load=load, friction_level=level)
             try:
-                drives.append(driving.prepare(SCENARIO, problem.car, problem.chassis, drawn))
+                drives.append(driving.prepare_drives(SCENARIO, problem.car, problem.chassis, drawn))
             except ValueError as error:
                 remedy = "begin with a car or tyre that reaches it, or with a smaller --load"
-                raise ValueError(_undriven(problem, f" with {condition.label}", error, remedy)) from None
+                raise ValueError(_cannot_drive(problem, f" with {condition.label}", error, remedy)) from None
         laden = problem.car.loaded(problem.conditions[-1].load)
         _KEPT[key] = Prepared(tuple(drives), constraints.reaches(laden, problem.chassis))
     return _KEPT[key]
@@ -244,7 +244,7 @@ def require_stable(problem: Problem) -> None:
     c, a = problem.car.column, problem.car.assist
     for v, free in product(a.speeds.tolist(), (False, True)):
         if found := stability.reason(c, a, v, free=free):
-            raise ValueError(_undriven(problem, "", found, _remedy(problem.car)))
+            raise ValueError(_cannot_drive(problem, "", found, _remedy(problem.car)))
 
 
 def _remedy(car: Car) -> str:
@@ -262,7 +262,7 @@ def _remedy(car: Car) -> str:
     return f"begin with less assist.boost and less of {stability.STRENGTHS} together"
 
 
-def _undriven(problem: Problem, condition: str, why: object, remedy: str) -> str:
+def _cannot_drive(problem: Problem, condition: str, why: object, remedy: str) -> str:
     return f"the starting point, {problem.car.name!r}{condition}, cannot be driven: {why}; {remedy}"
 
 
@@ -312,7 +312,7 @@ def evaluate(problem: Problem, values: Mapping[str, float], every_metric: bool =
         Otherwise a set whose loop is unstable is not driven, and all its metrics are None.
     """
     tuned = assist(problem, values)
-    load, (drives, reached) = problem.conditions[-1].load, prepared(problem)
+    load, (drives, reached) = problem.conditions[-1].load, prepare_problem(problem)
     margins = constraints.margins(problem.car, tuned, problem.law, load, reached, problem.chassis)
     metrics: dict[str, dict[str, float | None]] = {}
     refused: dict[str, str] = {}

@@ -204,7 +204,7 @@ def collect(
         why = next(iter(nominal.refused.values()))
         raise ValueError(f"the nominal car {study.car.name!r} cannot be driven: {why}")
     cars = population.collect(study, n, seed, distribution, sweep, notify)
-    judged = [_judged(output, band, nominal.values[output], cars) for output, band in bands.items()]
+    judged = [_judge(output, band, nominal.values[output], cars) for output, band in bands.items()]
     # Where the nominal car misses a band, nearly all do, and tolerances are not why.
     inside = np.all([np.ones(n, np.bool_), *(each.inside for each in judged if each.nominal)], axis=0)
     narrowed = {}
@@ -215,7 +215,7 @@ def collect(
     return Results(study, law, targets.name, distribution, seed, cars, judged, held, drivers, narrowed)
 
 
-def _judged(output: Output, band: Band, own: float, cars: Population) -> Judged:
+def _judge(output: Output, band: Band, own: float, cars: Population) -> Judged:
     name = column(output)
     reasons = list(cars.refused.get(name, {}).values())
     reason = max(reasons, key=reasons.count) if reasons else ""

@@ -33,7 +33,7 @@ def _test(row: Judged) -> str:
     return TITLES.get(row.test, row.test)
 
 
-def _driven(drivers: Sequence[Driver]) -> str:
+def _driver_words(drivers: Sequence[Driver]) -> str:
     """The parameters that are told to drive failures, with the side of failing cars and the distance."""
     found = [f"{parameter_name(d.name)} {'high' if d.high else 'low'} ({d.distance:.2f})" for d in drivers if d.told]
     return ", ".join(found)
@@ -90,7 +90,7 @@ def build(results: Results) -> tuple[Page, dict[str, Any]]:
             (parameter_name(d.name), f"{d.distance:.2f}", "high" if d.high else "low", "yes" if d.told else "no")
             for d in results.drivers
         ],
-        "of_each": [(label(r.name), percent(r.share), _driven(r.drivers) or "none told apart") for r in failing],
+        "of_each": [(label(r.name), percent(r.share), _driver_words(r.drivers) or "none told apart") for r in failing],
         "inner": 100.0 * INNER,
         "gain": [(parameter_name(name), percent(share), str(share.of)) for name, share in gain],
     }

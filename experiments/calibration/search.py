@@ -150,7 +150,7 @@ WIDER = 0.5  # by which a range is widened at that end, over its width; assumed
 WAIT = 0.2  # between looks whether another process has finished [s]
 
 
-class Found(NamedTuple):
+class SetResult(NamedTuple):
     """What a set is worth."""
 
     objectives: tuple[float, ...]  # distances, 0 where everything is in its band
@@ -169,7 +169,7 @@ class Job(NamedTuple):
     seed: int
     budget: int  # sets in all
     subject: Any  # what ``evaluate`` takes beside the values
-    evaluate: Callable[[Any, Mapping[str, float]], Found]  # of the subject and a set
+    evaluate: Callable[[Any, Mapping[str, float]], SetResult]  # of the subject and a set
     objectives: tuple[str, ...]
     ranges: tuple[Range, ...]  # of the first round
     widens: bool = True
@@ -188,7 +188,7 @@ def distributions(ranges: tuple[Range, ...]) -> dict[str, BaseDistribution]:
     return {r.name: FloatDistribution(r.low, r.high, log=r.logarithmic) for r in ranges}
 
 
-def kept(trial: FrozenTrial) -> bool:
+def keeps_constraints(trial: FrozenTrial) -> bool:
     """Whether a finished set keeps all constraints."""
     return max(trial.constraints.values(), default=0.0) <= 0.0
 
@@ -198,30 +198,30 @@ def total(trial: FrozenTrial) -> float:
     return float(sum(trial.user_attrs["objectives"]))
 
 
-def _told(job: Job, objectives: tuple[float, ...]) -> list[float]:
+def _sampler_values(job: Job, objectives: tuple[float, ...]) -> list[float]:
     """What the sampler is told."""
     return list(objectives) if job.sampler in SEVERAL else [sum(objectives)]
 
 
-def finished(study: Study) -> list[FrozenTrial]:
+def finished_sets(study: Study) -> list[FrozenTrial]:
     """The evaluated sets in their order."""
     return study.get_trials(deepcopy=False, states=(TrialState.COMPLETE,))
 
 
-def ranked(trials: list[FrozenTrial]) -> list[FrozenTrial]:
+def rank(trials: list[FrozenTrial]) -> list[FrozenTrial]:
     """The sets that keep the constraints by the sum of their objectives, the smallest first."""
-    return sorted(filter(kept, trials), key=lambda t: (total(t), t.number))
+    return sorted(filter(keeps_constraints, trials), key=lambda t: (total(t), t.number))
 
 
 def best(trials: list[FrozenTrial]) -> FrozenTrial | None:
     """The set that keeps the constraints with the smallest sum of the objectives, the first of equals."""
-    return next(iter(ranked(trials)), None)
+    return next(iter(rank(trials)), None)
 
 
 def count(job: Job, store: Any) -> int:
     """Number of the evaluated sets of a study, of which there may be none yet."""
     names = _names(job, store)
-    return len(finished(optuna.load_study(study_name=names[-1], storage=store))) if names else 0
+    return len(finished_sets(optuna.load_study(study_name=names[-1], storage=store))) if names else 0
 
 
 def _sampler(job: Job, number: int = 0, known: int = 0) -> BaseSampler:
@@ -251,7 +251,7 @@ def quiet() -> Iterator[None]:
             optuna.logging.set_verbosity(before)
 
 
-def _first(ranges: tuple[Range, ...], seed: int, count: int) -> list[dict[str, float]]:
+def _first_sets(ranges: tuple[Range, ...], seed: int, count: int) -> list[dict[str, float]]:
     """The starting point, and a Latin hypercube around it."""
     sets = [{r.name: r.own for r in ranges}]
     for row in qmc.LatinHypercube(len(ranges), rng=seed).random(max(count - 1, 0)).tolist():
@@ -295,19 +295,19 @@ def current(job: Job, store: Any, number: int = 0) -> Study:
             study.sampler = _sampler(job, number, len(known))
             return study
         optuna.delete_study(study_name=name, storage=store)  # its maker was killed before it had all sets
-    study = _made(job, store, 1, job.ranges)
-    for values in _first(job.ranges, job.seed, min(FIRST, 1 + job.budget // 3)):
+    study = _create_round(job, store, 1, job.ranges)
+    for values in _first_sets(job.ranges, job.seed, min(FIRST, 1 + job.budget // 3)):
         study.enqueue_trial(values)
     study.set_user_attr("whole", True)
     return study
 
 
-def _made(job: Job, store: Any, number: int, ranges: tuple[Range, ...]) -> Study:
+def _create_round(job: Job, store: Any, number: int, ranges: tuple[Range, ...]) -> Study:
     """A new round of a study, with as many directions as numbers that its sampler is told of a set."""
     study = optuna.create_study(
         storage=store,
         study_name=f"{job.name}-{number}",
-        directions=["minimize"] * len(_told(job, (0.0,) * len(job.objectives))),
+        directions=["minimize"] * len(_sampler_values(job, (0.0,) * len(job.objectives))),
         sampler=_sampler(job),
     )
     study.set_user_attr("ranges", [r._asdict() for r in ranges])
@@ -319,13 +319,13 @@ def ranges(study: Study) -> tuple[Range, ...]:
     return tuple(Range(**{**row, "limits": tuple(row["limits"])}) for row in study.user_attrs["ranges"])
 
 
-def spanned(every: Iterable[tuple[Range, ...]]) -> tuple[Range, ...]:
+def common_ranges(every: Iterable[tuple[Range, ...]]) -> tuple[Range, ...]:
     """The ranges that hold those of several studies."""
     columns = zip(*every)
     return tuple(rs[0]._replace(low=min(r.low for r in rs), high=max(r.high for r in rs)) for rs in columns)
 
 
-def widened(given: tuple[Range, ...], values: Mapping[str, float]) -> tuple[Range, ...]:
+def widen_ranges(given: tuple[Range, ...], values: Mapping[str, float]) -> tuple[Range, ...]:
     """The ranges, wider at the ends on which a set lies, as far as a parameter may go."""
     found = []
     for r in given:
@@ -349,19 +349,19 @@ def on_limit(r: Range, value: float) -> tuple[bool, bool]:
     return x - low < near, high - x < near
 
 
-def _due(budget: int, checked: int, done: int) -> bool:
+def _widening_due(budget: int, checked: int, done: int) -> bool:
     """Whether a part of the budget at which ranges may be widened lies between two numbers of sets."""
     return any(checked < part * budget <= done for part in CHECKS)
 
 
-def _advanced(job: Job, study: Study, store: Any, done: list[FrozenTrial]) -> Study:
+def _next_round(job: Job, study: Study, store: Any, done: list[FrozenTrial]) -> Study:
     """The next round where the best set lies on a limit; else the same one, whose ranges are checked now."""
     leader, given = best(done), ranges(study)
-    if leader is None or (wider := widened(given, leader.params)) == given:
+    if leader is None or (wider := widen_ranges(given, leader.params)) == given:
         study.set_user_attr("checked", len(done))
         return study
     number = int(study.study_name.rpartition("-")[2]) + 1
-    following = _made(job, store, number, wider)
+    following = _create_round(job, store, number, wider)
     for trial in done:
         following.add_trial(
             optuna.trial.create_trial(
@@ -387,15 +387,15 @@ def _next(job: Job, store: Any, number: int, process: str) -> tuple[Study, Trial
         with storage.alone(out):
             study = current(job, store, number)
             storage.again(study, out)
-            done, open_sets = finished(study), study.get_trials(deepcopy=False, states=(TrialState.RUNNING,))
+            done, open_sets = finished_sets(study), study.get_trials(deepcopy=False, states=(TrialState.RUNNING,))
             # Sets of machines that cannot be seen from here count as spent, and nothing waits for them.
             running, lost = len(open_sets), sum(storage.elsewhere(out, trial) for trial in open_sets)
             spent, awaited = len(done) + lost, running > lost
-            if spent >= job.budget or (job.stops and reached(done)):
+            if spent >= job.budget or (job.stops and bands_reached(done)):
                 return None
-            due = job.widens and _due(job.budget, study.user_attrs.get("checked", 0), len(done))
+            due = job.widens and _widening_due(job.budget, study.user_attrs.get("checked", 0), len(done))
             if due and not awaited:
-                study = _advanced(job, study, store, done)
+                study = _next_round(job, study, store, done)
             if len(done) + running < job.budget and not (due and awaited):
                 trial = study.ask(distributions(ranges(study)))
                 trial.set_user_attr("process", process)
@@ -403,7 +403,7 @@ def _next(job: Job, store: Any, number: int, process: str) -> tuple[Study, Trial
         time.sleep(WAIT)  # another process has the last sets, and may be killed
 
 
-def reached(trials: list[FrozenTrial]) -> bool:
+def bands_reached(trials: list[FrozenTrial]) -> bool:
     """Whether a set keeps the constraints with all objectives at 0."""
     leader = best(trials)
     return leader is not None and total(leader) <= 0.0
@@ -414,7 +414,7 @@ def work(case: WorkerOf) -> int:
     job, number = case
     out, count = Path(job.out), 0
     with quiet(), storage.Process(out) as process:
-        store = storage.opened(out, job.address)
+        store = storage.open_storage(out, job.address)
         while (given := _next(job, store, number, process.name)) is not None:
             study, trial = given
             start = time.monotonic()
@@ -429,6 +429,6 @@ def work(case: WorkerOf) -> int:
             trial.set_user_attr("places", found.places)
             trial.set_user_attr("seconds", round(time.monotonic() - start, 3))
             trial.set_user_attr("objectives", list(found.objectives))
-            study.tell(trial, _told(job, found.objectives))
+            study.tell(trial, _sampler_values(job, found.objectives))
             count += 1
     return count

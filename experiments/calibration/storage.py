@@ -50,7 +50,7 @@ class FileLock:
         self.path, self.patience = path, patience
         self._descriptor = -1
 
-    def tried(self) -> bool:
+    def try_lock(self) -> bool:
         """Take the lock if it is free."""
         self.path.parent.mkdir(parents=True, exist_ok=True)
         descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT, 0o644)
@@ -69,7 +69,7 @@ class FileLock:
             If another process keeps it.
         """
         end = time.monotonic() + self.patience
-        while not self.tried():
+        while not self.try_lock():
             if time.monotonic() > end:
                 raise OSError(
                     f"{self.path} has been locked by another process for {self.patience:g} s: end that process, or "
@@ -114,7 +114,7 @@ def _gone(out: Path, name: str | None) -> bool:
     if not path.is_file():
         return name.startswith(f"{socket.gethostname()}-")  # one of another machine may have another folder
     lock = FileLock(path)
-    if not lock.tried():
+    if not lock.try_lock():
         return False
     path.unlink(missing_ok=True)
     lock.release()
@@ -179,7 +179,7 @@ def there(out: Path, address: str | None = None) -> bool:
     return address is not None or (out / JOURNAL).is_file()
 
 
-def opened(out: Path, address: str | None = None) -> BaseStorage:
+def open_storage(out: Path, address: str | None = None) -> BaseStorage:
     """The storage of a study: the journal in its folder, or the database at an address of SQLAlchemy.
 
     Raises

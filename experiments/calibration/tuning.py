@@ -21,7 +21,7 @@ from steer_env.experiments.calibration.margin_map import Cell
 from steer_env.experiments.calibration.own_angles import OwnAngles
 from steer_env.experiments.calibration.pace import Pace
 from steer_env.experiments.calibration.problem import Evaluation, Problem, Range
-from steer_env.experiments.calibration.search import Found, Job, WorkerOf
+from steer_env.experiments.calibration.search import Job, SetResult, WorkerOf
 from steer_env.experiments.sweep import Runner
 from steer_env.friction.numerics import cache
 from steer_env.tuning.reward import MAX_DISTANCE
@@ -71,7 +71,7 @@ class Outcome(NamedTuple):
     tried: list[tuple[FrozenTrial, list[Cell]]]  # sets nearest to the bands, and where on the map each misses a margin
 
 
-def found(subject: Subject, values: Mapping[str, float]) -> Found:
+def evaluate_set(subject: Subject, values: Mapping[str, float]) -> SetResult:
     """Evaluate a set: its objectives, its violations, and metrics and margins as details."""
     evaluation = problems.evaluate(subject.problem, values, every_metric=False)
     objectives = problems.objectives(subject.problem, evaluation, subject.counted)
@@ -79,23 +79,25 @@ def found(subject: Subject, values: Mapping[str, float]) -> Found:
     violations = constraints.violations(evaluation.margins)
     # Only a set that would end the search is read on the whole map here: that takes as long as several sets.
     ends = max(*objectives.values(), *violations.values()) <= 0.0
-    misses = ends and margin_map.missed(mapped((subject.problem, values)))
+    misses = ends and margin_map.cells_below_limits(map_margins((subject.problem, values)))
     violations["whole_map"] = MAP_MISSED if misses else -MAP_MISSED
-    return Found(tuple(objectives.values()), violations, places, dict(evaluation._asdict()))
+    return SetResult(tuple(objectives.values()), violations, places, dict(evaluation._asdict()))
 
 
-def movement(case: tuple[Problem, dict[str, float]]) -> dict[str, float | None]:
+def set_metrics(case: tuple[Problem, dict[str, float]]) -> dict[str, float | None]:
     """The metrics of a set in the first condition."""
     problem, values = case
     one = problem._replace(conditions=problem.conditions[:1])
     return next(iter(problems.evaluate(one, values, every_metric=False).metrics.values()))
 
 
-def moved(problem: Problem, sweep: Runner) -> dict[str, float]:
+def largest_effects(problem: Problem, sweep: Runner) -> dict[str, float]:
     """By how much of its band's width each metric moves at most when one parameter goes to an end of its range [1]."""
     own = problems.own(problem)
     sets = [own, *({**own, r.name: end} for r in problem.ranges for end in (r.low, r.high) if end != r.own)]
-    at, *others = sweep(movement, [(problem, values) for values in sets], words=lambda case: "effect of the parameters")
+    at, *others = sweep(
+        set_metrics, [(problem, values) for values in sets], words=lambda case: "effect of the parameters"
+    )
     found = {}
     for name, band in problem.bands.items():
         value = at[name]
@@ -117,12 +119,12 @@ def _about(store: Any) -> optuna.Study | None:
 def _require_begun(out: Path, address: str | None) -> None:
     """Refuse to resume where there is nothing, before anything is written."""
     with search.quiet():
-        if not storage.there(out, address) or _about(storage.opened(out, address)) is None:
+        if not storage.there(out, address) or _about(storage.open_storage(out, address)) is None:
             place = out if address is None else address
             raise ValueError(f"{place} has no study that could be resumed: leave --resume out to begin one")
 
 
-def begun(problem: Problem, out: Path, address: str | None, sweep: Runner) -> dict[str, Any]:
+def begin_studies(problem: Problem, out: Path, address: str | None, sweep: Runner) -> dict[str, Any]:
     """What all processes of a tuning share, made by the first of them.
 
     Raises
@@ -131,11 +133,11 @@ def begun(problem: Problem, out: Path, address: str | None, sweep: Runner) -> di
         The folder has the study of another problem.
     """
     with search.quiet(), storage.alone(out):
-        store = storage.opened(out, address)
+        store = storage.open_storage(out, address)
         if (study := _about(store)) is None:
             with suppress(KeyError):  # one whose maker was killed
                 optuna.delete_study(study_name=ABOUT, storage=store)
-            shares = moved(problem, sweep)
+            shares = largest_effects(problem, sweep)
             study = optuna.create_study(storage=store, study_name=ABOUT)
             study.set_user_attr("moved", shares)
             study.set_user_attr("problem", key(problem))  # the last, by which it counts as made
@@ -161,11 +163,11 @@ def job_of(
     sampler: str = "surface",
     seed: int = 0,
 ) -> Job:
-    """The search of a sampler in a folder, for the metrics whose bands the parameters move (see :func:`moved`)."""
+    """The search of a sampler in a folder, for the metrics that the parameters move (:func:`largest_effects`)."""
     counted = tuple(name for name in problem.bands if shares[name] >= MOVED)
     objectives = tuple(dict.fromkeys(problem.groups[name] for name in counted))
     subject = Subject(problem, counted)
-    return Job(str(out), address, sampler, sampler, seed, budget, subject, found, objectives, problem.ranges)
+    return Job(str(out), address, sampler, sampler, seed, budget, subject, evaluate_set, objectives, problem.ranges)
 
 
 def tune(
@@ -221,9 +223,9 @@ def tune(
         _require_begun(out, address)
     pace = pace or Pace()
     pace.begin("effect", "effect of the parameters", {})
-    problems.prepared(problem)  # refuses an unstable starting point before anything is written
+    problems.prepare_problem(problem)  # refuses an unstable starting point before anything is written
     out.mkdir(parents=True, exist_ok=True)
-    shares = begun(problem, out, address, sweep)
+    shares = begin_studies(problem, out, address, sweep)
     if max(shares.values()) < MOVED:
         raise ValueError(
             f"no parameter of {', '.join(r.name for r in problem.ranges)} moves a metric by {MOVED:g} of its band's "
@@ -236,25 +238,29 @@ def tune(
         began(job)
         sweep(search.work, [WorkerOf(job, i) for i in range(workers)], words=lambda case: f"process {case.number}")
         with search.quiet():
-            studies = search.studies(storage.opened(out, address))
-            every = {name: search.finished(study) for name, study in studies.items()}
+            studies = search.studies(storage.open_storage(out, address))
+            every = {name: search.finished_sets(study) for name, study in studies.items()}
             trials = {name: sets for name, sets in every.items() if sets}  # one that has just begun has none
             given = {name: search.ranges(study) for name, study in studies.items()}
-        if not again or search.reached([t for each in trials.values() for t in each]):
+        if not again or search.bands_reached([t for each in trials.values() for t in each]):
             break
         other = SECOND if sampler != SECOND else "tpe"
         job = job._replace(name=f"second {other}", sampler=other, seed=seed + 1, ranges=given[sampler], widens=False)
-    return _outcome(job.subject, shares, trials, search.spanned(given.values()), start, sweep, pace)
+    return _outcome(job.subject, shares, trials, search.common_ranges(given.values()), start, sweep, pace)
 
 
 def _start(problem: Problem, sweep: Runner, pace: Pace) -> Start:
     """The starting point, read on the whole map and driven with its own handwheel angles before the search."""
     case = (problem, problems.own(problem))
     pace.begin("check", OWN_ANGLES, {})
-    ((driven, compiled),) = sweep(_timed, [(own_angles.driven, case)], words=lambda job: OWN_ANGLES)
+    ((driven, compiled),) = sweep(
+        _time_compiling, [(own_angles.evaluate_with_own_angles, case)], words=lambda job: OWN_ANGLES
+    )
     pace.end(compiled)
     pace.begin("map", "margin map of the starting point", {})
-    ((cells, compiled),) = sweep(_timed, [(mapped, case)], words=lambda job: "margin map of the starting point")
+    ((cells, compiled),) = sweep(
+        _time_compiling, [(map_margins, case)], words=lambda job: "margin map of the starting point"
+    )
     pace.end(compiled)
     # A set of the search has all functions, and the more of them the longer its map takes.
     middle = problems.tuned_car_quietly(problem, {r.name: 0.5 * (r.low + r.high) for r in problem.ranges})
@@ -263,14 +269,14 @@ def _start(problem: Problem, sweep: Runner, pace: Pace) -> Start:
     return Start(driven, cells)
 
 
-def _timed(job: tuple[Callable[[Any], Any], Any]) -> tuple[Any, float]:
+def _time_compiling(job: tuple[Callable[[Any], Any], Any]) -> tuple[Any, float]:
     """What a worker's function gives for a case, and the time that it spent on compiling [s]."""
     work, case = job
-    before = cache.spent()
-    return work(case), cache.spent() - before
+    before = cache.compile_seconds()
+    return work(case), cache.compile_seconds() - before
 
 
-def mapped(case: tuple[Problem, Mapping[str, float]], points: Sequence[Cell] | None = None) -> list[Cell]:
+def map_margins(case: tuple[Problem, Mapping[str, float]], points: Sequence[Cell] | None = None) -> list[Cell]:
     """The margins of a set at every point of the map, with every load, or at the points of other cells."""
     problem, values = case
     car = _rounded_quietly(problem, values)
@@ -306,12 +312,12 @@ def _rounded_quietly(problem: Problem, values: Mapping[str, float]) -> Car:
 def _driven(case: tuple[Problem, Mapping[str, float]]) -> Evaluation:
     """The rounded car of a set with its own handwheel angles."""
     problem, values = case
-    return own_angles.driven((problem._replace(car=_rounded_quietly(problem, values)), {}))
+    return own_angles.evaluate_with_own_angles((problem._replace(car=_rounded_quietly(problem, values)), {}))
 
 
 def _misses(cells: list[Cell]) -> tuple[int, int]:
     """Number of the unstable points of a map, and of all that miss a margin."""
-    missed = margin_map.missed(cells)
+    missed = margin_map.cells_below_limits(cells)
     return sum(not c.margins.stable for c in missed if c.margins), len(missed)
 
 
@@ -327,11 +333,11 @@ def _safest(
     known = list[Cell]()
     for trial in ranked:
         case = (problem, trial.params)
-        misses = margin_map.missed(mapped(case, known))
+        misses = margin_map.cells_below_limits(map_margins(case, known))
         if not misses:
             pace.begin("map", f"margin map {len(whole) + 1}", {"check": 1})
-            (cells,) = sweep(mapped, [case], words=lambda case: "margin map")
-            misses = margin_map.missed(cells)
+            (cells,) = sweep(map_margins, [case], words=lambda case: "margin map")
+            misses = margin_map.cells_below_limits(cells)
             whole.append((trial, cells))
             known += misses
         tried.append((trial, misses))
@@ -358,14 +364,14 @@ def _outcome(
         distinct.setdefault(tuple(sorted(t.params.items())), t)
     every = list(distinct.values())
     own = next((t for t in every if t.params == problems.own(problem)), None)
-    leader, cells, tried = _safest(problem, search.ranked(every), sweep, pace)
+    leader, cells, tried = _safest(problem, search.rank(every), sweep, pace)
     named = {key: t for key, t in (("start", own), ("best", leader)) if t is not None}
     driven = {"start": start.driven}
     if leader is not None:
         pace.begin("check", OWN_ANGLES, {})
         (driven["best"],) = sweep(_driven, [(problem, leader.params)], words=lambda case: OWN_ANGLES)
-    checked = {key: own_angles.replaced(problem, counted, t, driven[key]) for key, t in named.items()}
-    checks = {key: own_angles.compared(problem, counted, t, checked[key]) for key, t in named.items()}
+    checked = {key: own_angles.replace_metrics(problem, counted, t, driven[key]) for key, t in named.items()}
+    checks = {key: own_angles.compare_angles(problem, counted, t, checked[key]) for key, t in named.items()}
     if leader is not None:  # its margins are those of the rounded car, too
         checked["best"].user_attrs["details"]["margins"] = driven["best"].margins
     best = checked.get("best")
@@ -373,7 +379,7 @@ def _outcome(
     if best is not None:  # by its own angles it may no longer be first
         far = feasibility.distances(problem, best, counted)
         missed = tuple(name for name in counted if far[name] > feasibility.IN_BAND)
-        judged = judged._replace(missed=missed, reached=not missed and not margin_map.missed(cells))
+        judged = judged._replace(missed=missed, reached=not missed and not margin_map.cells_below_limits(cells))
     widened = {a.name: (a, b) for a, b in zip(problem.ranges, ranges) if a != b}
     own, seen = checked.get("start"), (trials, ranges, widened, judged)
     return Outcome(problem, counted, shares, own, best, checks, *seen, cells, start.cells, tried)

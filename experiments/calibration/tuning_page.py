@@ -49,7 +49,7 @@ def label(name: str) -> str:
 
 def _objectives(trials: list[FrozenTrial]) -> Any:
     width = len(trials[0].user_attrs["objectives"]) if trials else 1
-    return np.array([t.user_attrs["objectives"] for t in trials if search.kept(t)]).reshape(-1, width)
+    return np.array([t.user_attrs["objectives"] for t in trials if search.keeps_constraints(t)]).reshape(-1, width)
 
 
 def _front(values: Any) -> Any:
@@ -81,7 +81,7 @@ def _pareto(o: Outcome) -> dict[str, Any]:
     limits = ends(every, list(marks.values())) if len(every) else []
     course = {}
     for key, trials in o.trials.items():
-        best = np.minimum.accumulate([search.total(t) if search.kept(t) else math.inf for t in trials])
+        best = np.minimum.accumulate([search.total(t) if search.keeps_constraints(t) else math.inf for t in trials])
         course[label(key)] = np.where(np.isfinite(best), best, np.nan)
     own = search.total(o.own) if o.own is not None else math.nan
     return {
@@ -117,7 +117,7 @@ def _off(o: Outcome, trial: FrozenTrial | None, name: str) -> str:
     return "in band" if far[worst] <= feasibility.IN_BAND else f"{number(far[worst])} off, {worst}"
 
 
-def _reached(o: Outcome, trial: FrozenTrial | None) -> tuple[str, ...]:
+def _bands_of_set(o: Outcome, trial: FrozenTrial | None) -> tuple[str, ...]:
     """The counted bands that a set reaches in all conditions."""
     return () if trial is None else tuple(name for name in o.counted if _off(o, trial, name) == "in band")
 
@@ -158,11 +158,11 @@ def answer(o: Outcome) -> Answer:
     shown, far = other(o), 0.0
     if o.own is not None and shown is not None:
         far = max(search.total(shown) - search.total(o.own), 0.0)
-    before, after = _reached(o, o.own), _reached(o, shown)
+    before, after = _bands_of_set(o, o.own), _bands_of_set(o, shown)
     return Answer(
         start=_broken(o.own, o.start_cells),
         broken=_broken(shown, o.cells),
-        points=len(margin_map.missed(o.cells)),
+        points=len(margin_map.cells_below_limits(o.cells)),
         kept=o.best is not None,
         alone=o.best is not None and o.own is not None and o.best.params == o.own.params,
         reached=after,
@@ -179,7 +179,7 @@ class Side(NamedTuple):
     kept: bool | None = None  # whether it keeps the limit of its row; None where the row has none
 
 
-def _limited(value: float, limit: float, highest: bool = False) -> Side:
+def _digits_to_limit(value: float, limit: float, highest: bool = False) -> Side:
     """A value beside its least limit, or its highest one, with as many digits as tell a broken limit."""
     kept = value <= limit if highest else value >= limit
     told = (number(value, digits) for digits in range(3, 9))
@@ -194,22 +194,22 @@ def _side(trial: FrozenTrial | None, cells: Sequence[Cell]) -> dict[str, Side]:
     least, known = constraints.least(margins), [cell for cell in cells if cell.margins]
     phase = min([least["phase_margin"], *(cell.phase_deg for cell in known)])
     gain = min([least["gain_margin"], *(cell.gain_db for cell in known)])
-    missed = len(margin_map.missed(known))
+    missed = len(margin_map.cells_below_limits(known))
     return {
-        "phase": _limited(phase, constraints.PHASE),
-        "gain": _limited(gain, constraints.GAIN),
+        "phase": _digits_to_limit(phase, constraints.PHASE),
+        "gain": _digits_to_limit(gain, constraints.GAIN),
         "map": Side(f"{missed}\u00a0of\u00a0{len(known)}", not missed) if known else Side("–"),
-        "motor": _limited(margins["motor_limit"], 1.0, highest=True),
-        "damping": _limited(least["free_damping"], 0.0),
+        "motor": _digits_to_limit(margins["motor_limit"], 1.0, highest=True),
+        "damping": _digits_to_limit(least["free_damping"], 0.0),
         "rest": Side("yes" if least["free_pulse"] else "no", bool(least["free_pulse"])),
     }
 
 
-def _compared(o: Outcome, found: Answer) -> dict[str, tuple[Side, Side]]:
+def _comparison(o: Outcome, found: Answer) -> dict[str, tuple[Side, Side]]:
     """The table of the first screen: the starting point and :func:`other` in each row, at most ten."""
     shown = other(o)
     sides = [(o.own, o.start_cells), (shown, o.cells)]
-    rows = {"bands": [Side("–" if t is None else str(len(_reached(o, t)))) for t, _ in sides]}
+    rows = {"bands": [Side("–" if t is None else str(len(_bands_of_set(o, t)))) for t, _ in sides]}
     rows["distance"] = [Side("–" if t is None else number(search.total(t))) for t, _ in sides]
     rows["given_up"] = [Side("–"), Side(", ".join(map(in_words, found.given_up)) or "none")]
     if found.farther and found.kept:
@@ -283,7 +283,7 @@ def _margins(o: Outcome) -> dict[str, Any]:
     }
 
 
-def _passed(o: Outcome) -> dict[str, Any]:
+def _sets_before_best(o: Outcome) -> dict[str, Any]:
     """The sets that were read on the whole map before the best one, as they miss a margin there."""
     better = list(itertools.takewhile(lambda pair: o.best is not None and pair[0].params != o.best.params, o.tried))
     if not better:
@@ -348,8 +348,8 @@ def build(o: Outcome) -> tuple[Page, dict[str, Any]]:
     values = {
         "o": o,
         "answer": found,
-        "before": _reached(o, o.own),
-        "compared": _compared(o, found),
+        "before": _bands_of_set(o, o.own),
+        "compared": _comparison(o, found),
         "constraints": constraints,
         "few": feasibility.FEW,
         "population": search.POPULATION,
@@ -362,8 +362,8 @@ def build(o: Outcome) -> tuple[Page, dict[str, Any]]:
         },
         "feasible": feasibility.sentences(o.problem, o.feasibility, _units(o), confirmed),
         "left": [name for name in o.problem.bands if name not in o.counted],
-        "missed": margin_map.missed(o.cells),
-        "passed": _passed(o),
+        "missed": margin_map.cells_below_limits(o.cells),
+        "passed": _sets_before_best(o),
         "own_angles": own_angles.sentences(o.checks),
         "pairs": [(*map(in_words, p.metrics), *map(number, p.distances)) for p in o.feasibility.pairs],
         "pareto": _pareto(o),
@@ -384,12 +384,12 @@ def build(o: Outcome) -> tuple[Page, dict[str, Any]]:
         "ranges": [r._asdict() for r in o.ranges],
         "widened": {name: [list(r[2:4]) for r in pair] for name, pair in o.widened.items()},
         "importances": shares,
-        "map_missed": [c.where for c in margin_map.missed(o.cells)],
-        "start_map_missed": [c.where for c in margin_map.missed(o.start_cells)],
+        "map_missed": [c.where for c in margin_map.cells_below_limits(o.cells)],
+        "start_map_missed": [c.where for c in margin_map.cells_below_limits(o.start_cells)],
         "tried": [{"set": t.number, "parameters": t.params, "missed": [c.where for c in m]} for t, m in o.tried],
         "sets": {
             key: [
-                {"parameters": t.params, "objectives": t.user_attrs["objectives"], "kept": search.kept(t)}
+                {"parameters": t.params, "objectives": t.user_attrs["objectives"], "kept": search.keeps_constraints(t)}
                 for t in trials
             ]
             for key, trials in o.trials.items()

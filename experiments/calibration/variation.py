@@ -146,7 +146,7 @@ def _names(law: Any) -> list[str]:
     ]
 
 
-def changed(study: Study, values: Mapping[str, float]) -> tuple[Car, Conditions]:
+def change_car(study: Study, values: Mapping[str, float]) -> tuple[Car, Conditions]:
     """The car and the conditions that values of parameters make, with the assist of the car as it is.
 
     Raises
@@ -167,7 +167,7 @@ def changed(study: Study, values: Mapping[str, float]) -> tuple[Car, Conditions]
 
 def assist_of(car: Car, values: Mapping[str, float]) -> Assist:
     """The assist of a car with values of its parameters; the others stay its own."""
-    return parameters.tuned(car.assist, parameters.complete(car.assist, values))
+    return parameters.make_assist(car.assist, parameters.complete(car.assist, values))
 
 
 def drives_of(study: Study) -> list[Drive]:
@@ -203,22 +203,22 @@ def evaluate(block: Block) -> list[Outputs]:
         values, plant = dict(zip(names, row)), [row[i] for i in of_plant]
         try:
             if last is None or last[0] != plant:
-                last = plant, _prepared(study, values)
+                last = plant, _prepare(study, values)
             found.append(_outputs(study, last[1], values))
         except ValueError as error:
             found.append(Outputs(dict.fromkeys(study.outputs, math.nan), dict.fromkeys(study.outputs, str(error))))
     return found
 
 
-def _prepared(study: Study, values: Mapping[str, float]) -> _Prepared:
-    car, drawn = changed(study, values)
+def _prepare(study: Study, values: Mapping[str, float]) -> _Prepared:
+    car, drawn = change_car(study, values)
     if study.own_hands:
         car = car._replace(assist=assist_of(car, values))
     car = car.loaded(drawn.load)
     prepared, undriven = list[driving.PreparedDrive](), dict[str, str]()
-    for each in driving.adapted(drives_of(study), study.chassis, drawn):
+    for each in driving.adapt_drives(drives_of(study), study.chassis, drawn):
         try:
-            prepared.append(driving.prepared(each, car, drawn))
+            prepared.append(driving.prepare_drive(each, car, drawn))
         except ValueError as error:
             undriven[each.manoeuvre.name] = str(error)
     if not prepared:

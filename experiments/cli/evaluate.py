@@ -41,7 +41,7 @@ def run(args: argparse.Namespace) -> int:
     if (args.file is None) == (args.compare is None):
         raise ValueError("give one FILE, or two to eight with --compare")
     if args.file:
-        args.file = recordings.packaged(args.file, args)
+        args.file = recordings.use_packaged_drive(args.file, args)
     if args.template:
         return _write_template(args)
     return recordings.assess([args.file] if args.file else args.compare, args, None, compare=args.file is None)

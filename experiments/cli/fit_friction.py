@@ -94,7 +94,7 @@ def _order(text: str) -> float | str:
 
 def run(args: argparse.Namespace) -> None:
     """Fit, judge and write."""
-    path, name = _place(args.file)
+    path, name = _record_path(args.file)
     require_format([path])
     if args.template:
         _write_template(path, args)
@@ -119,7 +119,7 @@ def run(args: argparse.Namespace) -> None:
     out = Path(args.out or f"friction_{name}")
     live = options.live(args)
     files.usable(out, friction_fit.contents())
-    car = car_options.load(args) if car_options.given(args) else None
+    car = car_options.load(args) if car_options.any_given(args) else None
     record = _record(path, args, car)
     if args.by_position not in (None, "fitted") and not record.of_a_column:
         raise ValueError("--by-position ORDER counts periods in a turn, and the record has none: give --lever too")
@@ -163,7 +163,7 @@ def run(args: argparse.Namespace) -> None:
         print(f"the laws are in {units}: give --lever or --to-column for a steering column")
 
 
-def _place(given: str) -> tuple[str, str]:
+def _record_path(given: str) -> tuple[str, str]:
     """Path of a record that is packaged or a file, and its name."""
     from importlib.resources import files
 

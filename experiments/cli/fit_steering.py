@@ -11,7 +11,7 @@ from pathlib import Path
 
 from steer_env.experiments.cli.common import inputs, names, options
 from steer_env.experiments.cli.common.extras import require_format
-from steer_env.experiments.cli.common.recordings import add_reading, check_can, mapping_of, packaged, read
+from steer_env.experiments.cli.common.recordings import add_reading, check_can, mapping_of, read, use_packaged_drive
 from steer_env.experiments.pages import car_options
 
 GROUP = "friction"
@@ -113,7 +113,7 @@ def _places(args: argparse.Namespace) -> list[str]:
     args.mapping = []
     for name in args.drives:
         own = argparse.Namespace(mapping=[])
-        path = packaged(name, own)
+        path = use_packaged_drive(name, own)
         if path == name and not Path(name).suffix:
             raise ValueError(f"{name!r} is no packaged drive ({', '.join(names.road_drives())}) and no file's name")
         found.append(path)

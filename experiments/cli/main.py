@@ -22,10 +22,10 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NoReturn
 
-from steer_env.experiments.cli.common.messages import in_options, shortened
+from steer_env.experiments.cli.common.messages import in_options, shorten
 from steer_env.experiments.cli.common.options import figures
 from steer_env.experiments.cli.common.sweeping import forget, unswept
-from steer_env.friction.numerics.registry import dashed, listed
+from steer_env.friction.numerics.registry import modules_by_name, with_dashes
 
 # Kind of work -> its heading in the list of commands, in this order.
 GROUPS = {
@@ -94,7 +94,7 @@ def import_modules(argv: Sequence[str]) -> None:
 
 def commands(package: str = PACKAGE) -> dict[str, ModuleType]:
     """The commands of a folder by name, each the module of its file, or the package that holds further words."""
-    found = listed(package, dashed)
+    found = modules_by_name(package, with_dashes)
     return {name: importlib.import_module(module) for name, module in found.items() if name.strip("-") != "main"}
 
 
@@ -106,7 +106,7 @@ def parser(package: str = PACKAGE, prog: str = PROGRAM) -> argparse.ArgumentPars
         usage=f"{prog} COMMAND [OPTION ...]",
         description=f"Simulate and report steering feel. '{prog} COMMAND --help' tells the options of a command,\n"
         f"'{prog} --version' the version.",
-        epilog=_grouped(there),
+        epilog=_command_list(there),
         formatter_class=argparse.RawDescriptionHelpFormatter,
         add_help=False,
     )
@@ -117,7 +117,7 @@ def parser(package: str = PACKAGE, prog: str = PROGRAM) -> argparse.ArgumentPars
     return made
 
 
-def _grouped(there: Mapping[str, ModuleType]) -> str:
+def _command_list(there: Mapping[str, ModuleType]) -> str:
     """The list of commands, each below the heading of its kind of work."""
     lines = []
     for group in dict.fromkeys([*GROUPS, *(command.GROUP for command in there.values())]):
@@ -191,7 +191,7 @@ def _run(argv: Sequence[str], package: str, prog: str) -> int:
         raise
     except (ValueError, OSError) as error:
         message = f"{error.filename}: {error.strerror}" if isinstance(error, OSError) and error.filename else str(error)
-        print(f"{args.prog}: {shortened(in_options(message))}", file=sys.stderr)
+        print(f"{args.prog}: {shorten(in_options(message))}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print(f"{args.prog}: interrupted", file=sys.stderr)

@@ -45,7 +45,7 @@ def run(args: argparse.Namespace) -> None:
     if live and args.chassis:
         raise ValueError("--live shows the chassis of this project, not an external one: leave --chassis out")
     sweep = runner(args)
-    look = {"full": args.full, "noticed": options.noticed(args)}
+    look = {"full": args.full, "noticed": options.noticeable_share(args)}
 
     from steer_env.experiments.pages import provenance
     from steer_env.experiments.reports import report, report_findings

@@ -45,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
             raise ValueError(f"--out {args.out} is there already: give a new directory")
         out = Path(args.out or stack.enter_context(tempfile.TemporaryDirectory()))
         out.mkdir(parents=True, exist_ok=True)
-        made = _made(file, trace, out / trace["result"])
+        made = _make_again(file, trace, out / trace["result"])
         found = traces.differences(file, made)
     print(f"steer-env {' '.join(trace['command'])}")
     if not found:
@@ -68,18 +68,18 @@ def _check_versions(file: Path, trace: Mapping[str, Any], go_on: bool) -> None:
     print(f"{text}; going on, as --any-version asks")
 
 
-def _made(file: Path, trace: Mapping[str, Any], out: Path) -> Path:
+def _make_again(file: Path, trace: Mapping[str, Any], out: Path) -> Path:
     """The result that stands for ``file``, made once more at ``out``."""
     from steer_env.experiments.cli import main
 
     inputs = trace.get("inputs", [])
     given = [each for each in inputs if "name" in each]
     with tempfile.TemporaryDirectory() as folder, _path_with(file.parent):
-        places = {each["name"]: _place(each, file, Path(folder, str(i))) for i, each in enumerate(given)}
+        places = {each["name"]: _locate_input(each, file, Path(folder, str(i))) for i, each in enumerate(given)}
         words = list(trace["command"])
         _check_modules(file, {each["module"]: each["sha256"] for each in inputs if "module" in each}, words)
         main.import_modules(words)
-        again = main.parsed([_replaced(word, places) for word in words])
+        again = main.parsed([_replace_input(word, places) for word in words])
         again.argv, again.out = words, str(out) if isinstance(again.out, str) else out
         if "car" in trace:
             again.vehicle, again.tyre, again.changes = trace["car"], None, []
@@ -123,13 +123,13 @@ def _check_modules(file: Path, then: Mapping[str, str], words: Sequence[str]) ->
             raise ValueError(f"the module {name}, {place}, is another than {file} was made with: {known}")
 
 
-def _replaced(word: str, places: Mapping[str, Path]) -> str:
+def _replace_input(word: str, places: Mapping[str, Path]) -> str:
     """A word of the command line with the place of the input that it names, also after an equals sign."""
     option, equals, value = word.partition("=")
     return str(places[word]) if word in places else f"{option}{equals}{places.get(value, value)}"
 
 
-def _place(given: Mapping[str, str], file: Path, folder: Path) -> Path:
+def _locate_input(given: Mapping[str, str], file: Path, folder: Path) -> Path:
     """Where an input is: written from the trace that holds its text, or looked up and checked by its digest."""
     name = Path(given["name"])
     if "text" in given:

@@ -110,7 +110,9 @@ def _run_all(args: argparse.Namespace, out: Path) -> None:
     options["argv"] = unswept(args, "--out")  # a result does not depend on where it lies
     longest_first = sorted(manoeuvres.available(), key=lambda name: -manoeuvres.make(name).duration)
     with progress("driving") as notify:
-        drives = sweep(driven, [(name, options) for name in longest_first], notify=notify, words=lambda case: case[0])
+        drives = sweep(
+            drive_manoeuvre, [(name, options) for name in longest_first], notify=notify, words=lambda case: case[0]
+        )
     found = {name: run for name, (run, _) in zip(longest_first, drives)}
     for file, contents in (item for _, files in drives for item in files.items()):
         write_bytes(out / file, contents)
@@ -123,7 +125,7 @@ def _run_all(args: argparse.Namespace, out: Path) -> None:
     print(f"\n{out}")
 
 
-def driven(case: tuple[str, dict[str, Any]]) -> tuple[Run, dict[str, bytes]]:
+def drive_manoeuvre(case: tuple[str, dict[str, Any]]) -> tuple[Run, dict[str, bytes]]:
     """Drive a manoeuvre with options of the command; the run, and the files of it by name.
 
     The files come back by their contents, as the worker that drives may be another machine.

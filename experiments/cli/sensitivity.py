@@ -97,7 +97,7 @@ def run(args: argparse.Namespace) -> None:
     print(page.write(args.out, found, data, trace))
 
 
-def _given(law: "Friction") -> Any:
+def _law_with_sites(law: "Friction") -> Any:
     """A law in a form that names its sites, of which parameters are varied."""
     from steer_env.friction.sites import Sites
 
@@ -108,7 +108,7 @@ def _effects(args: argparse.Namespace, car: "Car", law: "Friction", wanted: "Tar
     from steer_env.experiments.calibration import problem, screening, sensitivity
     from steer_env.experiments.pages.options import progress
 
-    span, given = SPAN if args.span is None else args.span, _given(law)
+    span, given = SPAN if args.span is None else args.span, _law_with_sites(law)
     factors = sensitivity.factors_of(car, given, [*(args.parameters or problem.USED), *args.also], span)
     design = screening.design(len(factors), args.method, args.samples or SAMPLES[args.method], args.seed)
     study = sensitivity.Study(car, given, args.chassis, factors)
@@ -124,7 +124,7 @@ def _production(
 
     tests = args.manoeuvre or [test for test, bands in wanted.bands.items() if bands]
     tolerances = population.tolerances([*(args.parameters or TOLERANCES), *args.also])
-    study = population.study_of(car, _given(law), args.chassis, tolerances, tests, "--parameters")
+    study = population.study_of(car, _law_with_sites(law), args.chassis, tolerances, tests, "--parameters")
     n, kind = args.samples or SAMPLES[PRODUCTION], args.distribution or "uniform"
     with progress("driving") as notify:
         return production.collect(study, wanted, law.label, n, args.seed, kind, sweep, notify)

@@ -9,10 +9,10 @@ from collections.abc import Callable
 
 from steer_env.experiments.cli.common import options
 from steer_env.experiments.cli.common.sweeping import add_sweep, runner
-from steer_env.friction.numerics.registry import dashed, listed
+from steer_env.friction.numerics.registry import modules_by_name, with_dashes
 
 GROUP = "test"
-STUDIES = listed("steer_env.experiments.studies", dashed)
+STUDIES = modules_by_name("steer_env.experiments.studies", with_dashes)
 SWEEPING = ("friction", "friction-sites", "held-torque", "loop-width")  # studies of many cases
 
 

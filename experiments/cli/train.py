@@ -50,7 +50,7 @@ def run(args: argparse.Namespace) -> None:
 
     from steer_env.experiments.cli.common.policies import evaluate_and_report
     from steer_env.experiments.learning import policy, policy_report
-    from steer_env.experiments.learning.training import Training, kept
+    from steer_env.experiments.learning.training import Training, finished_steps
     from steer_env.experiments.pages.files import usable
     from steer_env.experiments.pages.options import progress
     from steer_env.friction.numerics.check import number
@@ -60,9 +60,9 @@ def run(args: argparse.Namespace) -> None:
     if library and args.resume:
         raise ValueError("--library-defaults belongs to a new run; a resumed one keeps its settings: leave it out")
     asked = {"seed": args.seed, "resume": args.resume, "friction": args.friction}
-    if args.resume and car_options.given(args):
+    if args.resume and car_options.any_given(args):
         raise ValueError("a resumed run keeps its car: leave --vehicle, --tyre and --set out")
-    car = car_options.load(args).data() if car_options.given(args) else None
+    car = car_options.load(args).data() if car_options.any_given(args) else None
     run = Training(args.env, args.algo, out, **asked, library=library, car=car, cost_budget=args.cost_budget)
     usable(out / "report", policy_report.CONTENTS)
     try:
@@ -70,7 +70,8 @@ def run(args: argparse.Namespace) -> None:
             run.run(None if args.steps else minutes, args.steps, notify)
     except KeyboardInterrupt:
         print(
-            f"steer-env: {out} holds the training up to step {kept(out)}; --resume goes on from there", file=sys.stderr
+            f"steer-env: {out} holds the training up to step {finished_steps(out)}; --resume goes on from there",
+            file=sys.stderr,
         )
         raise
     if run.told:

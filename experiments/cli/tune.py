@@ -95,7 +95,7 @@ def _tuned(args: argparse.Namespace, notify: Callable[[float, str], None]) -> tu
     remote = where.cluster not in ("", sweep.where.LOCAL)
     workers = MOST_WORKERS if remote else where.workers
     pace = Pace()
-    with _watched(notify, args, pace) as began:
+    with _watch(notify, args, pace) as began:
         outcome = tuning.tune(
             posed, args.out, args.budget, run, workers, began=began, pace=pace,
             address=args.storage, sampler=args.sampler, seed=args.seed, resume=args.resume, confirm=args.confirm,
@@ -115,7 +115,7 @@ def _going_on(args: argparse.Namespace) -> Iterator[None]:
 
 
 @contextmanager
-def _watched(
+def _watch(
     notify: Callable[[float, str], None], args: argparse.Namespace, pace: Any
 ) -> Iterator[Callable[[Any], None]]:
     """Tells how far the tuning is, by the time that its phases take; yields what takes a job that begins."""
@@ -127,7 +127,7 @@ def _watched(
         while not ended.wait(POLL):
             text = pace.text
             if jobs and text == (job := jobs[-1]).name:
-                done = search.count(job, storage.opened(args.out, args.storage))
+                done = search.count(job, storage.open_storage(args.out, args.storage))
                 pace.count(done)
                 text = f"{text}: {done} of {job.budget} sets"
             notify(pace.part, text)
@@ -166,7 +166,7 @@ def _write(args: argparse.Namespace, posed: Any, outcome: Any, live: Any) -> Non
         friction={named(posed.law): posed.law},
         seed=args.seed,
     )
-    page.place(args.out, found, page.numbers(found, data), trace, beside)
+    page.write_page(args.out, found, page.numbers(found, data), trace, beside)
     print(found.verdict[0])
     print(args.out / "index.html")
     if outcome.best is not None and not args.report:

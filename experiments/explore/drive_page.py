@@ -42,7 +42,7 @@ BLIND = {
 
 def declared(car: Car) -> dict[str, Any]:
     """What the driving page knows of the program, as JSON holds it; in the units of the names, or in SI units."""
-    size = iso3888.outline(car)
+    size = iso3888.footprint(car)
     return {
         "sampleTime": SAMPLE_TIME,
         "pace": {"lag": LAG, "halt": 1e3 * driven.STOOD, "period": PERIOD},
@@ -96,7 +96,7 @@ def declared(car: Car) -> dict[str, Any]:
     }
 
 
-def _course(name: str, size: iso3888.Outline) -> dict[str, Any]:
+def _course(name: str, size: iso3888.Footprint) -> dict[str, Any]:
     """The cones of a course (N, 2) and the way from its begin to that of the next [m]."""
     if name == scene.PLAIN:
         return {"cones": [], "period": scene.GAP}

@@ -51,7 +51,9 @@ def advancing(p: Plant) -> bytes:
     ValueError
         Where kernels are not compiled (``NUMBA_DISABLE_JIT=1``), the compiler zig is missing, or it fails.
     """
-    return _kept(entry, signature(car.unsettled(p)), "steer_advance", p, {"steer_friction": (path, _of_path(p))})
+    return _kept(
+        entry, signature(car.without_start_state(p)), "steer_advance", p, {"steer_friction": (path, _of_path(p))}
+    )
 
 
 def beginning(p: Plant) -> bytes:
@@ -62,7 +64,7 @@ def beginning(p: Plant) -> bytes:
     ValueError
         As of :func:`advancing`.
     """
-    return _kept(first, signature(car.unsettled(p))[:3], "steer_begin", p)
+    return _kept(first, signature(car.without_start_state(p))[:3], "steer_begin", p)
 
 
 @kernel
@@ -98,14 +100,14 @@ Further = Mapping[str, tuple[Any, tuple]]  # name of a function -> its kernel an
 
 def _kept(kernel: Any, kinds: tuple, name: str, p: Plant, further: Further | None = None) -> bytes:
     """A module with the function ``name`` of a plant, and further ones, from disk or made anew."""
-    others = (cache.stamp(*each, name) for name, each in (further or {}).items())
+    others = (cache.source_hash(*each, name) for name, each in (further or {}).items())
     folder = cache.folder_of(kernel, kinds, " ".join((TRIPLE, CPU, FEATURES, *LINK, _zig(), *others)))
     kept = folder / "car.wasm" if folder else None
     if not kept:
-        return _linked(car.unsettled(p), name, further)
+        return _linked(car.without_start_state(p), name, further)
     with FileLock(kept.with_suffix(".lock")):  # others that need the same module wait for it
         if not kept.is_file():
-            files.write_bytes(kept, _linked(car.unsettled(p), name, further))
+            files.write_bytes(kept, _linked(car.without_start_state(p), name, further))
         return kept.read_bytes()
 
 

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from steer_env.connect.variables import described
+from steer_env.connect.variables import comment_and_unit
 from steer_env.friction import defaults, make, sites
 from steer_env.friction.law import LAWS
 from steer_env.friction.numerics.check import not_negative, number
@@ -204,7 +204,7 @@ def _of_law(friction: str, law: str, name: str, group: str, value: float) -> Par
     """A parameter of a law, by itself or at a site of ``friction``."""
     own = name.removeprefix("friction.")
     key = own.rpartition(".")[2]
-    known = {leaf.path[0]: described(leaf, leaf.path[0], leaf.owner) for leaf in leaves(make(law))}
+    known = {leaf.path[0]: comment_and_unit(leaf, leaf.path[0], leaf.owner) for leaf in leaves(make(law))}
     told = {"F_c": ("sliding torque", "N m"), "x_c": ("deflection scale of the virgin curve", "rad"), **known}
     text, unit = told.get(key, (key, ""))
     factor = _SPANS.get(key, _LAW_SPAN)

@@ -25,7 +25,7 @@ from steer_env.vehicle.cars import Car
 from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST, HAND
 from steer_env.vehicle.plant import CHANNEL
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
-from steer_env.vehicle.subsystems.car import given_place
+from steer_env.vehicle.subsystems.car import input_index
 
 FOLDER = "policies"
 _PATH = [quantity.name for quantity in PATH_OBSERVATIONS]
@@ -61,7 +61,7 @@ def listed() -> list[dict[str, Any]]:
 
 
 def _listed(env_id: str) -> dict[str, Any]:
-    task, about = _task(env_id), policy.about(policy.shipped(env_id))
+    task, about = _task(env_id), policy.about(policy.shipped_policy(env_id))
     return {
         "id": env_id,
         "role": _ROLES[task.action.input],
@@ -74,7 +74,7 @@ def _listed(env_id: str) -> dict[str, Any]:
 
 def paths(car: Car) -> dict[str, Any]:
     """The path (P, 4) through each course with cones of the drive, whose first cone stands at x = 0."""
-    size = iso3888.outline(car)
+    size = iso3888.footprint(car)
     shift = np.array([APPROACH, 0.0, 0.0, 0.0])
     return {name: cones.course(name, size)[0] - shift for name in scene.COURSES if name != scene.PLAIN}
 
@@ -87,7 +87,7 @@ def described(env_id: str) -> dict[str, Any]:
     ValueError
         There is no such policy.
     """
-    path, task = policy.shipped(env_id), _task(env_id)
+    path, task = policy.shipped_policy(env_id), _task(env_id)
     about = policy.about(path)
     policy.check_observations(path, about, env_id)
     layers, scaling = network.layers(path, about), about["scaling"]
@@ -111,7 +111,7 @@ def described(env_id: str) -> dict[str, Any]:
         "path": {"names": _PATH, "spacing": SPACING, "step": PREVIEW_TIMES[0]},
         "layers": [layer.weight.shape for layer in layers],
         "weights": np.concatenate([each.ravel() for layer in layers for each in layer]).astype("<f4"),
-        "given": given_place(task.action.input),
+        "given": input_index(task.action.input),
         "torque": task.action.scale,
         "ramped": task.action.ramped,
         "samples": round(dt / SAMPLE_TIME),

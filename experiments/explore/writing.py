@@ -196,7 +196,7 @@ def structure(car: Car, which: Combination) -> dict[str, Any]:
     """Parameters with their fields, packed numbers and how they follow, and sizes of the arrays of a module."""
     fields = parameters.every(car, which.law, which.chassis)
     p = parameters.plant(car, which.law, which.chassis, {})
-    subsystem = whole_car.unsettled(p)
+    subsystem = whole_car.without_start_state(p)
 
     def numbers_of(values: Mapping[str, float]) -> Any:
         return packed(parameters.plant(car, which.law, which.chassis, values))

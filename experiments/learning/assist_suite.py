@@ -100,7 +100,7 @@ JUDGES = {
 }
 
 
-class Seen(NamedTuple):
+class ObservedEnv(NamedTuple):
     """The environment of a drive as a controller of an id sees it: with the observations of that id."""
 
     spec: Any
@@ -112,12 +112,12 @@ class Seen(NamedTuple):
     car: Car
 
     @property
-    def unwrapped(self) -> "Seen":
+    def unwrapped(self) -> "ObservedEnv":
         """Itself: there is no wrapper."""
         return self
 
     @property
-    def batch(self) -> "Seen":
+    def batch(self) -> "ObservedEnv":
         """Itself: controllers look here for what the rows share."""
         return self
 
@@ -162,7 +162,7 @@ def _tell_release(observation: Array, names: list[str], held: Array, since: Arra
             observation[:, names.index(name)] = np.where(released, error, 0.0)
 
 
-def driven(drive: Drive, make: Maker, env_id: str) -> Record:
+def drive_rows(drive: Drive, make: Maker, env_id: str) -> Record:
     """Drive a controller of an id through all rows of a drive."""
     home = task_named(env_id)
     env, start = _environment(drive, home)
@@ -171,7 +171,7 @@ def driven(drive: Drive, make: Maker, env_id: str) -> Record:
     # What the drive does not observe is zero: a straight path, and hands that hold the handwheel until they let go.
     places = np.array([names.index(name) if name in names else len(names) for name in wanted])
     controller = make(
-        Seen(gym.spec(env_id), home, n, home.observed, np.ones(len(wanted)), env.control_dt, env.batch.car)
+        ObservedEnv(gym.spec(env_id), home, n, home.observed, np.ones(len(wanted)), env.control_dt, env.batch.car)
     )
     controller.reset()
     seen, free = np.zeros((n, len(names) + 1)), round(KINDS[drive.kind].released / env.control_dt, 6)
@@ -194,9 +194,9 @@ def driven(drive: Drive, make: Maker, env_id: str) -> Record:
     return Record(angle, torque, speed, failed, env.control_dt)
 
 
-def measured(drive: Drive, make: Maker, env_id: str) -> Array:
+def measure_rows(drive: Drive, make: Maker, env_id: str) -> Array:
     """The measure (n,) of every row of a drive, infinite after a failure."""
-    found = driven(drive, make, env_id)
+    found = drive_rows(drive, make, env_id)
     values = np.full(len(drive.rows), np.inf)
     whole = ~found.failed
     kept = found._replace(**{name: getattr(found, name)[:, whole] for name in ("angle", "torque", "speed")})
@@ -211,14 +211,14 @@ def _boost_alone(drive: Drive, env_id: str) -> Array:
     """The measure of every row with the boost alone; driven once."""
     key = env_id, drive.kind, repr((drive.arguments, drive.rows))
     if key not in _alone:
-        _alone[key] = measured(drive, partial(assists.make, "boost"), env_id)
+        _alone[key] = measure_rows(drive, partial(assists.make, "boost"), env_id)
     return _alone[key]
 
 
 def judge(drive: Drive, make: Maker, env_id: str) -> list[Result]:
     """A result for every condition of a drive."""
     by = JUDGES[KINDS[drive.kind].judge]
-    values, alone = measured(drive, make, env_id), _boost_alone(drive, env_id)
+    values, alone = measure_rows(drive, make, env_id), _boost_alone(drive, env_id)
     excused = ~np.isfinite(alone)
     beyond = np.zeros(alone.size, bool) if by.relative else ~excused & (alone > by.limit)
     if by.relative:

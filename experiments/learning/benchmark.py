@@ -303,17 +303,17 @@ class Case(NamedTuple):
     seeds: tuple[int, ...]
 
 
-def driven(case: Case) -> Episodes:
+def run_episodes(case: Case) -> Episodes:
     """The episodes of a case, one for each seed."""
     env = case.drive.environment(len(case.seeds))
     try:
         episode = tuners.tune if case.drive.env_id in TUNED else held_out.drive
-        return episode(env, _Told(case, env), case.seeds)
+        return episode(env, _CheckedController(case, env), case.seeds)
     finally:
         env.close()
 
 
-class _Told:
+class _CheckedController:
     """A controller whose errors are told in a sentence that says whose they are, as its code may be anybody's."""
 
     def __init__(self, case: Case, env: Any) -> None:
@@ -370,7 +370,7 @@ def enter(
         makers = {(each.kind, each.name): each.makers[drive.env_id] for each in entered}
         makers |= {(BASELINE, name): drive.baselines[name] for name in ("zero", drive.reference)}
         cases |= {(drive.name, *who): Case(who[1], drive, make, tuple(seeds)) for who, make in makers.items()}
-    every = sweep(driven, cases.values(), notify=notify, words=lambda case: f"{case.drive.name} {case.label}")
+    every = sweep(run_episodes, cases.values(), notify=notify, words=lambda case: f"{case.drive.name} {case.label}")
     found = dict(zip(cases, every))
 
     def episodes(each: Entry, drive: Drive) -> dict[str, Episodes]:
@@ -384,7 +384,7 @@ def enter(
     ]
 
 
-def _linearised(found: Mapping[str, Episodes]) -> Array:
+def _linearise(found: Mapping[str, Episodes]) -> Array:
     """Scores (N,) of an id seed by seed, whose mean is the score and whose spread gives its interval."""
     zero = found[ZERO].reward
     if CONTROLLER not in found:
@@ -397,7 +397,7 @@ def _linearised(found: Mapping[str, Episodes]) -> Array:
 
 def score(result: Result) -> Estimate:
     """The score of a suite."""
-    return held_out.mean(np.mean([_linearised(found) for found in result.episodes.values()], axis=0))
+    return held_out.mean(np.mean([_linearise(found) for found in result.episodes.values()], axis=0))
 
 
 class Part(NamedTuple):
@@ -423,7 +423,7 @@ def parts(result: Result) -> dict[str, Part]:
         made[name] = Part(
             result.suite.drives[name].reference,
             held_out.mean(found[REFERENCE].reward - found[ZERO].reward),
-            held_out.mean(_linearised(found)),
+            held_out.mean(_linearise(found)),
             held_out.summary(own) if own else {},
             int((own.failure != 0).sum()) if own else 0,
         )
@@ -444,10 +444,10 @@ def document(result: Result) -> dict[str, Any]:
     """A result as JSON: scores, raw episodes, and the trace of the program that drove them."""
     found = Scored(result.suite, result.controller, result.seeds, score(result), parts(result))
     episodes = {name: {whose: _raw(each) for whose, each in own.items()} for name, own in result.episodes.items()}
-    return {**summarised(found), "episodes": episodes, "trace": provenance.trace()}
+    return {**summarise(found), "episodes": episodes, "trace": provenance.trace()}
 
 
-def summarised(found: Scored) -> dict[str, Any]:
+def summarise(found: Scored) -> dict[str, Any]:
     """What a result file says of an entry, but for its episodes, as JSON."""
     return {
         "suite": found.suite.name,
@@ -499,7 +499,7 @@ def _checked(said: Any) -> dict[str, Any]:
     if not isinstance(said, dict) or set(said) != set(KEYS):
         raise ValueError(f"is no result of 'steer-env benchmark', which holds {', '.join(KEYS)}")
     try:
-        of = scored(said).suite
+        of = score_entry(said).suite
         there = set(_by_seed(said))
     except (AttributeError, KeyError, TypeError) as error:
         raise ValueError(f"is no result as 'steer-env benchmark' writes it: {error!r}") from None
@@ -509,7 +509,7 @@ def _checked(said: Any) -> dict[str, Any]:
     return said
 
 
-def scored(said: Mapping[str, Any]) -> Scored:
+def score_entry(said: Mapping[str, Any]) -> Scored:
     """Scores and terms of an entry, of what its result file says."""
     of, seeds = suite(said["suite"]), tuple(whole("a seed", seed, 0) for seed in said["seeds"])
     kinds = {"name": str, "kind": str, "terms": dict, "sha256": dict}

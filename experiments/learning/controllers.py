@@ -72,10 +72,10 @@ def is_policy(name: str) -> bool:
 
 def path_of(name: str, env_id: str) -> Path:
     """The file of a policy that :func:`is_policy` accepts; ValueError if none is shipped with the id."""
-    return policy.shipped(env_id) if name == SHIPPED else Path(name)
+    return policy.shipped_policy(env_id) if name == SHIPPED else Path(name)
 
 
-def named(name: str, env_id: str) -> Maker:
+def controller_named(name: str, env_id: str) -> Maker:
     """The controller of a name for an id.
 
     Raises

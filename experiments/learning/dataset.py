@@ -109,7 +109,7 @@ def record(
     env.close()
 
 
-def scored(out: Path) -> tuple[float, float]:
+def mean_score(out: Path) -> tuple[float, float]:
     """Mean score and mean cost of the episodes of a set that has a quality."""
     kept = minari.MinariDataset(out / DATA)
     reward, cost = np.transpose([(e.rewards.sum(), e.infos["cost"].sum()) for e in kept.iterate_episodes()])

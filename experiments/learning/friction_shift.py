@@ -32,7 +32,7 @@ from steer_env.experiments.learning.held_out import Estimate
 from steer_env.experiments.pages import provenance
 from steer_env.experiments.pages.files import write_json
 from steer_env.experiments.pages.options import Friction
-from steer_env.experiments.pages.pages import Page, place
+from steer_env.experiments.pages.pages import Page, write_page
 from steer_env.experiments.pages.pictures import dots
 from steer_env.experiments.sweep import Runner, run
 from steer_env.friction.numerics import toml
@@ -155,7 +155,7 @@ class Job(NamedTuple):
         return f"{self.case}.{self.entry}.{self.seed}"
 
     @property
-    def kept(self) -> Path:
+    def rewards_file(self) -> Path:
         """The file of its rewards; the policy lies beside it."""
         return Path(self.folder) / f"{self.name}.json"
 
@@ -165,7 +165,7 @@ def label_of(job: Job) -> str:
     return job.name
 
 
-def finished(job: Job) -> dict[str, float]:
+def evaluate_on_laws(job: Job) -> dict[str, float]:
     """Mean reward on every law, in the same held-out episodes; empty for a baseline that refuses the case.
 
     What the folder holds is neither trained nor driven again.
@@ -176,7 +176,7 @@ def finished(job: Job) -> dict[str, float]:
         If the folder holds the job with other settings.
     """
     case, entry = CANDIDATES[job.case], ENTRIES.get(job.entry)
-    kept, path = job.kept, Path(job.folder) / f"{job.name}.zip"
+    kept, path = job.rewards_file, Path(job.folder) / f"{job.name}.zip"
     identity = {
         "case": case._asdict(),
         "entry": entry and entry._asdict(),
@@ -313,8 +313,8 @@ def collect(
     asked = [(case, entry, seed) for seed in range(seeds) for case in cases for entry in entries]
     asked += [(case, name, 0) for case in cases for name in (NOTHING, *baselines(id_of(CANDIDATES[case].task)))]
     jobs = [Job(*each, tuple(laws), episodes, first_seed, str(folder)) for each in asked]
-    jobs = [job for job in jobs if training_allowed or job.entry not in ENTRIES or job.kept.is_file()]
-    results = sweep(finished, jobs, notify=notify, words=label_of)
+    jobs = [job for job in jobs if training_allowed or job.entry not in ENTRIES or job.rewards_file.is_file()]
+    results = sweep(evaluate_on_laws, jobs, notify=notify, words=label_of)
     found: dict[str, dict[str, list[dict[str, float]]]] = {case: {} for case in cases}
     for job, rewarded in zip(jobs, results):
         if rewarded.keys() >= set(laws):
@@ -360,4 +360,4 @@ def write(out: Path, found: Shift, trace: Mapping[str, Any]) -> None:
             worst or {"none": Estimate(0.0, 0.0, 0.0)}, "share of the range lost on the worst law [1]", (COST, "20 %")
         ),
     }
-    place(out, Page(NAME, values), {f"{NAME}.json": as_json(found)}, trace)
+    write_page(out, Page(NAME, values), {f"{NAME}.json": as_json(found)}, trace)

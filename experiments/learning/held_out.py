@@ -54,7 +54,7 @@ class Job(NamedTuple):
     arguments: Mapping[str, Any] = {}  # of the environment
 
 
-def evaluated(job: Job) -> Episodes:
+def evaluate(job: Job) -> Episodes:
     """The held-out episodes of a job."""
     return collect(job.env_id, job.make, job.episodes, options=job.options, **job.arguments)
 

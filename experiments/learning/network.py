@@ -100,7 +100,7 @@ def layers(path: Path, about: Mapping[str, Any]) -> list[Layer]:
     sizes = [seen, *about["settings"]["algorithm"]["net_arch"], 1]
     names = [*(f"{form.hidden}.{2 * k}" for k in range(len(sizes) - 2)), form.last]
     try:
-        with archives.opened(path, "policy") as archive:
+        with archives.open_archive(path, "policy") as archive:
             weights = io.BytesIO(archive.read("policy.pth"))
         with zipfile.ZipFile(weights) as tensors_of:
             tensors = _Tensors(tensors_of).load()

@@ -32,7 +32,7 @@ class Result(NamedTuple):
     refused: dict[str, str]  # reasons by metric
 
 
-def driven(case: Sets) -> list[Result]:
+def drive_sets(case: Sets) -> list[Result]:
     """Drive the sets of a case one after another."""
     env: Any = gym.make(case.env_id, **{**case.arguments, "sets": None}).unwrapped
     env.reset(seed=case.seed, options=dict(case.options))
@@ -91,7 +91,7 @@ def evaluate(
         for k in range(0, len(rows), n)
     ]
     parts = sweep(
-        driven, cases, notify=notify, words=lambda case: f"{len(case.actions)} sets, {case.options or env_id}"
+        drive_sets, cases, notify=notify, words=lambda case: f"{len(case.actions)} sets, {case.options or env_id}"
     )
     each = [result for part in parts for result in part]
     return [each[k : k + len(rows)] for k in range(0, len(each), len(rows))]

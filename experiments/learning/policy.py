@@ -66,14 +66,14 @@ def described(path: Path) -> bool:
     """Whether a file has the description of ``steer-env train``, or is no archive that could lack it."""
     if not zipfile.is_zipfile(path):
         return True
-    with archives.opened(path, "policy") as archive:
+    with archives.open_archive(path, "policy") as archive:
         return ABOUT in archive.namelist()
 
 
 def about(path: Path) -> dict[str, Any]:
     """The description in a policy file; ValueError for a file that ``steer-env train`` has not written."""
     try:
-        with archives.opened(path, "policy") as archive:
+        with archives.open_archive(path, "policy") as archive:
             text = archive.read(ABOUT)
     except FileNotFoundError:
         raise ValueError(f"no file {path}") from None
@@ -84,7 +84,7 @@ def about(path: Path) -> dict[str, Any]:
             f"{path} does not say what it was trained for; `steer-env train` writes files that do, and "
             "`steer-env benchmark --env ID` takes any policy of Stable-Baselines3"
         ) from None
-    found: dict[str, Any] = toml.parsed(path, text, lambda text: _checked(json.loads(text)))
+    found: dict[str, Any] = toml.parse_file(path, text, lambda text: _checked(json.loads(text)))
     return found
 
 
@@ -112,7 +112,7 @@ def _checked(about: Any) -> Any:
     return about
 
 
-def shipped(env_id: str) -> Path:
+def shipped_policy(env_id: str) -> Path:
     """The policy that is shipped with an id; ValueError if there is none."""
     check_id(env_id)
     path = SHIPPED_IN / env_id.removeprefix("steer_env/") / "policy.zip"

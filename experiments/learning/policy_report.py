@@ -23,7 +23,7 @@ from steer_env.experiments.learning.controllers import Maker, baselines
 from steer_env.experiments.learning.held_out import Episodes, Estimate
 from steer_env.experiments.pages import plots, provenance
 from steer_env.experiments.pages.files import replaced_directory
-from steer_env.experiments.pages.pages import Page, place
+from steer_env.experiments.pages.pages import Page, write_page
 from steer_env.experiments.pages.pictures import dots
 from steer_env.experiments.pages.style import colours
 from steer_env.experiments.pages.words import label, plain
@@ -79,11 +79,11 @@ def evaluate(
 ) -> Evaluation:
     """Drive every controller in the same episodes; ``options`` are those of their resets."""
     jobs = [held_out.Job(name, env_id, make, episodes, options or {}, arguments) for name, make in controllers.items()]
-    found = dict(zip(controllers, sweep(held_out.evaluated, jobs, notify=notify, words=held_out.label_of)))
-    return assembled(env_id, found, episodes, {**arguments, "options": options} if options else arguments)
+    found = dict(zip(controllers, sweep(held_out.evaluate, jobs, notify=notify, words=held_out.label_of)))
+    return assemble(env_id, found, episodes, {**arguments, "options": options} if options else arguments)
 
 
-def assembled(env_id: str, found: dict[str, Episodes], episodes: int, arguments: dict[str, Any]) -> Evaluation:
+def assemble(env_id: str, found: dict[str, Episodes], episodes: int, arguments: dict[str, Any]) -> Evaluation:
     """An evaluation from the episodes of its controllers, the first of which is the one that is evaluated."""
     first = next(iter(found))
     task = tasks.task(env_id.removeprefix("steer_env/").rpartition("-")[0])
@@ -233,7 +233,7 @@ def _learning(curves: Mapping[str, Path], units: Mapping[str, str]) -> str:
     }
     first = next(iter(runs.values()))
     wanted = [name for name in dict.fromkeys(("reward", aim(first), "cost")) if name in first]
-    titled = [(label(name) + _bracketed(units.get(name, "1")), name, runs) for name in wanted]
+    titled = [(label(name) + _with_brackets(units.get(name, "1")), name, runs) for name in wanted]
     if bound:
         titled += [("cost, rollouts", "cost", bound), ("multiplier of the cost", "multiplier", bound)]
     budgets = [
@@ -254,7 +254,7 @@ def _learning(curves: Mapping[str, Path], units: Mapping[str, str]) -> str:
     return plots.markup(shown, "learning", False)
 
 
-def _bracketed(unit: str) -> str:
+def _with_brackets(unit: str) -> str:
     return f" [{unit}]" if unit not in ("", "1") else ""
 
 
@@ -293,4 +293,4 @@ def write(
     }
     page = Page("policies", values)
     with replaced_directory(out, CONTENTS) as part:
-        place(part, page, {"evaluation.json": as_json(found)}, trace)
+        write_page(part, page, {"evaluation.json": as_json(found)}, trace)

@@ -20,9 +20,9 @@ from steer_env.experiments.learning.held_out import Estimate, Job
 from steer_env.experiments.pages import provenance
 from steer_env.experiments.pages.files import replaced_directory
 from steer_env.experiments.pages.options import Friction
-from steer_env.experiments.pages.pages import Page, image, place
+from steer_env.experiments.pages.pages import Page, image, write_page
 from steer_env.experiments.pages.pictures import dots
-from steer_env.experiments.pages.style import DASHES, PALETTE, legend, new_figure, styled
+from steer_env.experiments.pages.style import DASHES, PALETTE, as_svg, legend, new_figure
 from steer_env.experiments.sweep import Runner, run
 from steer_env.friction.law import law_of
 from steer_env.vehicle import cars
@@ -41,7 +41,7 @@ class Point(NamedTuple):
     high: float
 
 
-@styled
+@as_svg
 def shifts(panels: Mapping[str, Mapping[str, Sequence[Point]]], home: Mapping[str, float]) -> Figure:
     """The reward over each condition, a panel for each, with a dotted line at the policy's reward as trained.
 
@@ -139,7 +139,7 @@ class Shift(NamedTuple):
     refused: dict[str, str]  # label of a law that the id cannot run -> why
 
 
-def identified(home: Friction) -> list[Labelled]:
+def identify_laws(home: Friction) -> list[Labelled]:
     """Laws identified from a noisy quasi-static record of ``home``: those that describe it, with their parameters."""
     phase = 2.0 * np.pi * np.arange(0.0, 1.0, SAMPLE / PERIOD)
     x = np.concatenate([np.radians(amplitude) * np.sin(phase) for amplitude in AMPLITUDES])
@@ -194,7 +194,7 @@ def changes(
         return [Change(f"{scale * v:.4g}{unit}", {}, {name: v}, scale * v) for v in values]
 
     if over == "law":
-        chosen: Sequence[Any] = laws or [*map(Friction, friction.available()), *identified(home)]
+        chosen: Sequence[Any] = laws or [*map(Friction, friction.available()), *identify_laws(home)]
         return [Change(law.label, {"friction": law.parameters}, {}) for law in chosen if law.label != home.label]
     if over == "car":
         found = [Change(name, {"vehicle": name}, {}) for name in cars.available()]
@@ -258,11 +258,11 @@ def collect(
         for over, change in every
         for name, make in controllers.items()
     ]
-    results = iter(sweep(held_out.evaluated, jobs, notify=notify, words=held_out.label_of))
+    results = iter(sweep(held_out.evaluate, jobs, notify=notify, words=held_out.label_of))
     own: Any = None
     cells: dict[str, dict[str, Cell]] = {over: {} for over in (HOME, *kept) if over == HOME or kept[over]}
     for over, change in every:
-        found = policy_report.assembled(env_id, {name: next(results) for name in controllers}, episodes, made)
+        found = policy_report.assemble(env_id, {name: next(results) for name in controllers}, episodes, made)
         reward = found.found["policy"].reward
         own = reward if own is None else own  # as trained, which comes first
         gained = {name: gaps["reward"] for name, gaps in found.gaps.items()}
@@ -350,4 +350,4 @@ def write(out: Path, found: Shift, trace: Mapping[str, Any] | None = None) -> No
     page = Page("shift", values)
     with replaced_directory(out, CONTENTS) as part:
         (part / "shift.svg").write_text(drawn, encoding="utf-8")
-        place(part, page, {"shift.json": as_json(found)}, trace)
+        write_page(part, page, {"shift.json": as_json(found)}, trace)

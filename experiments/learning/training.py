@@ -72,7 +72,7 @@ def load(out: Path) -> dict[str, Any]:
     return state
 
 
-def kept(out: Path) -> int:
+def finished_steps(out: Path) -> int:
     """Steps from which a training goes on where it is resumed; 0 where it begins anew."""
     return int(load(out)["steps"]) if (out / FOLDER / STATE).is_file() else 0
 
@@ -107,7 +107,7 @@ def best(out: Path, budget: float | None = None) -> float:
     return max(policy.score(float(row["reward"]), float(row["cost"]), budget) for row in rows)
 
 
-def validated(out: Path) -> int:
+def last_validation(out: Path) -> int:
     """Steps at which a policy was validated last, to the end; -1 where none was."""
     if not (out / CURVE).is_file() or (out / LATEST).is_file():
         return -1
@@ -167,7 +167,7 @@ def settings(env_id: str, algo: str) -> dict[str, Any]:
     """
     policy.algorithm(algo)
     found: dict[str, Any] = {"environment": _environment(env_id), "algorithm": {}, "controller": {}}
-    for given in _given(env_id):
+    for given in _settings_of(env_id):
         found["algorithm"] |= given.get(algo, {})
         found["controller"] |= given.get("controller", {})
     return found
@@ -182,13 +182,13 @@ def _environment(env_id: str) -> dict[str, Any]:
     """Arguments of make in the training of an id; of what is drawn, each file overrides the names that it has."""
     found: dict[str, Any] = {}
     drawn: dict[str, Any] = {}
-    for environment in (given.get("environment", {}) for given in _given(env_id)):
+    for environment in (given.get("environment", {}) for given in _settings_of(env_id)):
         found |= environment
         drawn |= environment.get("randomise", {})
     return {**found, "randomise": drawn} if drawn else found
 
 
-def _given(env_id: str) -> list[dict[str, Any]]:
+def _settings_of(env_id: str) -> list[dict[str, Any]]:
     """Contents of the data files that hold for an id, its own last; ValueError for an unknown id."""
     policy.check_id(env_id)
     name = env_id.removeprefix("steer_env/")
@@ -233,7 +233,7 @@ def new_model(algo: str, env: Any, chosen: dict[str, Any], seed: int, logs: str 
     )
 
 
-def timed(env_id: str, num_envs: int, **arguments: Any) -> Any:
+def time_steps(env_id: str, num_envs: int, **arguments: Any) -> Any:
     """A ``SteerVecEnv`` that counts the wall time of its steps, resets included, in ``spent`` [s]."""
     from steer_env.sb3 import SteerVecEnv
 
@@ -367,7 +367,7 @@ class Training:
             if cost_budget not in (None, budget):
                 raise ValueError(f"a resumed run keeps its cost_budget, here {budget}, got {cost_budget}")
             self.seconds, self._trained = state["seconds"], state["steps"]
-            self.validated, self.next_validation = validated(out), state["next"]
+            self.validated, self.next_validation = last_validation(out), state["next"]
         else:
             usable(out)
             if out.exists() and any(out.iterdir()):
@@ -421,7 +421,7 @@ class Training:
         """
         from stable_baselines3.common.callbacks import BaseCallback
 
-        reached = self._reached(minutes, steps)
+        reached = self._is_long_enough(minutes, steps)
         model = self._model()
         # Only here, so that an error above leaves nothing behind.
         self.out.mkdir(parents=True, exist_ok=True)
@@ -465,7 +465,7 @@ class Training:
         from steer_env.experiments.learning.lagrange import PenalisedVecEnv
 
         chosen = self.settings["algorithm"]
-        self._raw = timed(
+        self._raw = time_steps(
             self.env_id, chosen["num_envs"], friction=self.friction.parameters, **self.settings["environment"]
         )
         self._observations = [quantity.name for quantity in self._raw.vector.batch.observed]
@@ -518,7 +518,7 @@ class Training:
         left = max(1.0 - self.part, 0.0) if chosen.get("learning_rate_decay") else 1.0
         return left * float(chosen["learning_rate"])
 
-    def _reached(self, minutes: float | None, steps: int | None) -> bool:
+    def _is_long_enough(self, minutes: float | None, steps: int | None) -> bool:
         """Whether the checkpoint has reached a length; ValueError unless exactly one is given, in its range."""
         if (minutes is None) == (steps is None):
             raise ValueError("give minutes or steps")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from steer_env.experiments.learning.held_out import Controller, Episodes
-from steer_env.tuning.env import observed, wanted
+from steer_env.tuning.env import observed_quantities, wanted_metrics
 from steer_env.tuning.reward import MAX_DISTANCE
 from steer_env.vehicle.steering.margins import TARGETS as MARGINS
 
@@ -62,7 +62,10 @@ class GaussNewton:
     def __init__(self, env: Any) -> None:
         self._n, self._size = env.action_space.shape
         first = env.unwrapped.envs[0]
-        names, aims = [quantity.name for quantity in observed(first.scenario)], wanted(first.scenario)
+        names, aims = (
+            [quantity.name for quantity in observed_quantities(first.scenario)],
+            wanted_metrics(first.scenario),
+        )
         self._widths = np.array([np.ptp(first.terms[name].band.good) for name in aims])
         self._wanted = [names.index(f"wanted_{name}") for name in aims]
         self._metrics = [names.index(name) for name in aims]

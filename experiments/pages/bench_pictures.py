@@ -6,13 +6,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
-from steer_env.experiments.pages.style import DASHES, PALETTE, new_figure, styled
+from steer_env.experiments.pages.style import DASHES, PALETTE, as_svg, new_figure
 
 _OTHERS = "#8a949e"
 _PLAIN = FuncFormatter(lambda x, _: f"{x:g}")
 
 
-@styled
+@as_svg
 def ratios(rows: Mapping[str, tuple[float, float, float, bool]]) -> Figure:
     """Ratios with their intervals (median, low, high) [1], the smallest first; whether a row is of this project."""
     figure = new_figure(6.4, 0.24 * len(rows) + 0.8)
@@ -31,7 +31,7 @@ def ratios(rows: Mapping[str, tuple[float, float, float, bool]]) -> Figure:
     return figure
 
 
-@styled
+@as_svg
 def rows(lines: Mapping[str, tuple[Sequence[int], Sequence[float]]]) -> Figure:
     """Ratio of a row [1] over the number of rows, a line for each environment with its threads."""
     figure = new_figure(6.4, 3.2)
@@ -48,7 +48,7 @@ def rows(lines: Mapping[str, tuple[Sequence[int], Sequence[float]]]) -> Figure:
     return figure
 
 
-@styled
+@as_svg
 def shares(bars: Mapping[str, Mapping[str, float]]) -> Figure:
     """What parts take of a step as a bar for each chassis [1]."""
     figure = new_figure(6.4, 0.5 * len(bars) + 1.3)

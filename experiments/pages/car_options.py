@@ -5,13 +5,13 @@ from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 from steer_env.friction.numerics import toml
-from steer_env.friction.numerics.registry import listed
+from steer_env.friction.numerics.registry import modules_by_name
 
 if TYPE_CHECKING:
     from steer_env.vehicle.cars import Car
 
 
-def packaged() -> tuple[str, ...]:
+def packaged_names() -> tuple[str, ...]:
     """Names of the packaged cars."""
     entries = files("steer_env.vehicle").joinpath("data", "cars").iterdir()
     return tuple(sorted(entry.name.removesuffix(".json") for entry in entries if entry.name.endswith(".json")))
@@ -19,7 +19,7 @@ def packaged() -> tuple[str, ...]:
 
 def steerings() -> tuple[str, ...]:
     """Names of the kinds of steering."""
-    return ("column_eps", *listed("steer_env.vehicle.steering.kinds"))
+    return ("column_eps", *modules_by_name("steer_env.vehicle.steering.kinds"))
 
 
 def setting(text: str) -> tuple[str, Any]:
@@ -43,7 +43,7 @@ def add(
 
     ``usual`` says what is taken where there is no default.
     """
-    text = f"{', '.join(packaged())}, or a .toml or .json file (default: {default or usual})"
+    text = f"{', '.join(packaged_names())}, or a .toml or .json file (default: {default or usual})"
     parser.add_argument("--vehicle", metavar="NAME", default=default, help=text)
     add_changes(parser)
 
@@ -59,7 +59,7 @@ def add_changes(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--set", type=setting, help=text, **kept)
 
 
-def given(args: argparse.Namespace) -> bool:
+def any_given(args: argparse.Namespace) -> bool:
     """Whether any option of a car was given, in a command that has no default car."""
     return any(each is not None for each in (args.vehicle, args.steering, args.tyre)) or bool(args.changes)
 

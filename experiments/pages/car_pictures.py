@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 from numpy.typing import NDArray
 
-from steer_env.experiments.pages.style import DASHES, PALETTE, legend, new_figure, styled
+from steer_env.experiments.pages.style import DASHES, PALETTE, as_svg, legend, new_figure
 from steer_env.recording.recording import DEGREE
 
 Array = NDArray[np.float64]
@@ -26,7 +26,7 @@ def _lines(axes: Axes, x: Array, of_label: Mapping[str, Array], **style: Any) ->
         axes.plot(x, y, **{"color": colour, "linestyle": dash, "label": label, **style})
 
 
-@styled
+@as_svg
 def budget(terms: Mapping[str, float], simulated: Mapping[str, float], limits: Range) -> Figure:
     """Understeer by term as a waterfall, its sum, and the simulated gradients [deg/g]; the range is shaded."""
     figure = new_figure(9.6, 0.9 + 0.28 * (len(terms) + 1 + len(simulated)))
@@ -57,7 +57,7 @@ def budget(terms: Mapping[str, float], simulated: Mapping[str, float], limits: R
     return figure
 
 
-@styled
+@as_svg
 def lag(speeds: Array, lags: Mapping[str, Mapping[str, Array]], marked: float, limits: Range) -> Figure:
     """Yaw lag [ms] over speed [km/h], a panel for each chassis; the range at the marked speed is a bar."""
     figure = new_figure(9.6, 3.4)
@@ -73,7 +73,7 @@ def lag(speeds: Array, lags: Mapping[str, Mapping[str, Array]], marked: float, l
     return figure
 
 
-@styled
+@as_svg
 def hands_off(speeds: Array, damping: Mapping[str, Array], amplitudes: Mapping[str, Array], allowed: float) -> Figure:
     """Damping ratio without friction, and yaw rate [deg/s] long after a pulse, over speed [km/h].
 
@@ -102,7 +102,7 @@ def hands_off(speeds: Array, damping: Mapping[str, Array], amplitudes: Mapping[s
     return figure
 
 
-@styled
+@as_svg
 def kinematics(c: Any) -> Figure:
     """Toe-in, camber and roll-centre height over the travel of the wheels; ``c`` as in report.car_suspension.Curves."""
     figure = new_figure(9.6, 3.0)
@@ -121,7 +121,7 @@ def kinematics(c: Any) -> Figure:
     return figure
 
 
-@styled
+@as_svg
 def steering(c: Any) -> Figure:
     """Angles of both front wheels over the rack with Ackermann, and the steering ratio over the handwheel angle."""
     figure = new_figure(9.6, 3.2)
@@ -135,7 +135,7 @@ def steering(c: Any) -> Figure:
     return figure
 
 
-@styled
+@as_svg
 def compliance(lateral: Mapping[str, float], aligning: Mapping[str, float], roll: Mapping[str, float]) -> Figure:
     """Understeer by lateral force [deg/kN], by aligning torque [deg/(N m)] and by roll [1], a line for each axle."""
     figure = new_figure(9.6, 2.9)
@@ -152,7 +152,7 @@ def compliance(lateral: Mapping[str, float], aligning: Mapping[str, float], roll
     return figure
 
 
-@styled
+@as_svg
 def assist(torques: Array, boost: Mapping[str, Array], speeds: Array, damping: Array) -> Figure:
     """Boost over the torsion-bar torque, a line for each speed, and the motor damping over speed [km/h]."""
     figure = new_figure(9.6, 3.2)
@@ -173,7 +173,7 @@ _MARKS = {
 }
 
 
-@styled
+@as_svg
 def in_ranges(groups: Mapping[str, Sequence[float]], ratings: Mapping[str, Sequence[str]] | None = None) -> Figure:
     """Quantities by group over their ranges: each as its share of the way from the lower to the upper end.
 
@@ -194,7 +194,7 @@ def in_ranges(groups: Mapping[str, Sequence[float]], ratings: Mapping[str, Seque
     return figure
 
 
-@styled
+@as_svg
 def least_margins(found: Mapping[str, tuple[Array, Array, Array]], limits: tuple[float, float]) -> Figure:
     """Smallest phase [deg] and gain margin [dB] over speed [km/h], a line for each label, with their limits."""
     figure = new_figure(5.0, 4.6)
@@ -210,7 +210,7 @@ def least_margins(found: Mapping[str, tuple[Array, Array, Array]], limits: tuple
     return figure
 
 
-@styled
+@as_svg
 def margin_map(
     maps: Mapping[str, Array], x: Sequence[str], y: Sequence[str], limit: float, top: float, axis: str, columns: int = 2
 ) -> Figure:
@@ -244,7 +244,7 @@ def margin_map(
     return figure
 
 
-@styled
+@as_svg
 def nyquist(curves: Mapping[str, NDArray[np.complex128]], disk: float, title: str) -> Figure:
     """Open loops in the plane, and the disk around -1 that they must not enter, through its two real ends."""
     figure = new_figure(9.6, 4.4)
@@ -268,7 +268,7 @@ def nyquist(curves: Mapping[str, NDArray[np.complex128]], disk: float, title: st
     return figure
 
 
-@styled
+@as_svg
 def root_loci(loci: Sequence[tuple[str, str, Array, Sequence[NDArray[np.complex128]], float]]) -> Figure:
     """Modes [1/s] over a parameter, a panel for each (title, name of the parameter, values, modes, highest [Hz])."""
     figure = new_figure(9.6, 4.2)

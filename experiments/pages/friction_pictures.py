@@ -8,15 +8,15 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from steer_env.experiments.pages.pictures import dots
-from steer_env.experiments.pages.plots import thinned
-from steer_env.experiments.pages.style import PALETTE, legend, new_figure, styled, styles
+from steer_env.experiments.pages.plots import thin_out
+from steer_env.experiments.pages.style import PALETTE, as_svg, legend, new_figure, styles
 
 Array = NDArray[np.float64]
 
 LEAST = 1e-5  # share at which smaller ones are drawn [1]
 
 
-@styled
+@as_svg
 def strips(
     shares: Mapping[str, Mapping[str, Sequence[float]]],
     large: float,
@@ -52,7 +52,7 @@ def strips(
     return figure
 
 
-@styled
+@as_svg
 def record_loops(measured: tuple[Array, Array], laws: Mapping[str, tuple[Array, Array]]) -> Figure:
     """Friction over displacement, measured and by each law, and what each law leaves of it.
 
@@ -92,7 +92,7 @@ class Shown(NamedTuple):
     held_out: int  # first sample that judges; T if none does
 
 
-@styled
+@as_svg
 def fitted_loops(shown: Shown, curves: Mapping[str, Array], titles: Mapping[str, str], columns: int = 6) -> Figure:
     """The last loop, measured in grey with a law over it, a panel for each law.
 
@@ -110,12 +110,12 @@ def fitted_loops(shown: Shown, curves: Mapping[str, Array], titles: Mapping[str,
     figure = new_figure(size[0] * columns, size[1] * rows + 0.4)
     grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     part = shown.loop
-    places, x = list(grid.flat), thinned(shown.x[part], LOOP)
+    places, x = list(grid.flat), thin_out(shown.x[part], LOOP)
     look = styles(curves)
     for axes, law in zip(places, curves):
         style = look[law]
-        axes.plot(x, thinned(shown.friction[part], LOOP), color=_LOOP, linewidth=3.2, label="measured")
-        axes.plot(x, thinned(curves[law][part], LOOP), **{**style, "linewidth": 1.2, "linestyle": "-"})
+        axes.plot(x, thin_out(shown.friction[part], LOOP), color=_LOOP, linewidth=3.2, label="measured")
+        axes.plot(x, thin_out(curves[law][part], LOOP), **{**style, "linewidth": 1.2, "linestyle": "-"})
         axes.set_title(titles[law], color=style["color"], fontsize=8.5 if columns < 6 else 7.5)
     for place, axes in enumerate(places[len(curves) :], len(curves)):
         axes.set_axis_off()
@@ -134,7 +134,7 @@ def residuals(rows: Mapping[str, tuple[float, float, float]], repeats: float | N
     return dots(rows, "RMS of what is left on the judging part, of the mean [%]", line, True, "residuals")
 
 
-@styled
+@as_svg
 def law(title: str, shown: Shown, fitted: Array, level: float, colour: str) -> Figure:
     """One law: the loop, measured and fitted, and what is left over time [% of the mean friction, ``level``]."""
     figure = new_figure(9.6, 2.9)
@@ -143,8 +143,8 @@ def law(title: str, shown: Shown, fitted: Array, level: float, colour: str) -> F
     part = shown.loop
     for values, shade, label, dash in ((shown.friction, _MEASURED, "measured", "-"), (fitted, colour, title, "--")):
         left.plot(
-            thinned(shown.x[part], POINTS),
-            thinned(values[part], POINTS),
+            thin_out(shown.x[part], POINTS),
+            thin_out(values[part], POINTS),
             dash,
             color=shade,
             label=label,
@@ -153,7 +153,7 @@ def law(title: str, shown: Shown, fitted: Array, level: float, colour: str) -> F
     left.set(xlabel=f"displacement [{shown.x_unit}]", ylabel=f"friction [{shown.friction_unit}]")
     left.legend(loc="best", fontsize=8)
     rest = 100.0 * (fitted - shown.friction)[shown.known :] / level
-    right.plot(thinned(shown.t[shown.known :], POINTS), thinned(rest, POINTS), color=colour, linewidth=0.9)
+    right.plot(thin_out(shown.t[shown.known :], POINTS), thin_out(rest, POINTS), color=colour, linewidth=0.9)
     right.set_xlim(shown.t[0], shown.t[-1])
     if shown.held_out < shown.t.size:
         right.axvspan(shown.t[shown.held_out], shown.t[-1], color="#eef2f7", zorder=0)

@@ -46,7 +46,7 @@ class Friction:
 
         self.given = self.label = self.text = text
         self.parameters = friction.resolve(text)
-        if fitted_file.named(text):
+        if fitted_file.is_file_name(text):
             self.label, self.text = Path(text).name, sites.as_text(self.parameters)
 
 

@@ -45,7 +45,7 @@ def titles(html: str) -> list[str]:
     return [Markup(each).unescape() for each in _HEADING.findall(html)]
 
 
-def worded(rows: Sequence[Sequence[object]]) -> set[int]:
+def text_columns(rows: Sequence[Sequence[object]]) -> set[int]:
     """Places of the columns of a table after the first in which no cell has a digit: text, not numbers."""
     columns = enumerate(zip(*rows))
     return {place for place, cells in columns if place and not any(re.search(r"\d", str(cell)) for cell in cells)}
@@ -75,7 +75,7 @@ def environment() -> jinja2.Environment:
         words.capital,
         anchor,
         titles,
-        worded,
+        text_columns,
     )
     found.filters |= {f.__name__: f for f in filters}
     found.globals |= {"image": image, "version": metadata.version("steer-env"), "script": ""}
@@ -125,19 +125,19 @@ class Page(NamedTuple):
         return Markup(body).striptags()
 
 
-class Beside(Protocol):
+class OtherPage(Protocol):
     """What writes another page beside a page; :class:`steer_env.experiments.explore.beside.Beside`."""
 
     def write(self, folder: Path) -> Sequence[tuple[str, str]]:
         """Write it into the folder, and give a label and an address of each link; an empty one where there is none."""
 
 
-def place(
+def write_page(
     folder: Path,
     page: Page,
     files: Mapping[str, Mapping[str, Any]],
     trace: Mapping[str, Any],
-    beside: Beside | None = None,
+    beside: OtherPage | None = None,
 ) -> None:
     """Write ``index.html`` and JSON files by name into a folder that is there, each as a whole and with the trace.
 
@@ -157,7 +157,7 @@ def write(out: Path, page: Page, data: Mapping[str, Any], trace: Mapping[str, An
         If ``out`` holds other files or cannot be written.
     """
     with replaced_directory(out, contents(page.name)) as part:
-        place(part, page, numbers(page, data), trace)
+        write_page(part, page, numbers(page, data), trace)
     return out / "index.html"
 
 

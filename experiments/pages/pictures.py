@@ -10,7 +10,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from steer_env.experiments.pages.plots import coincide
-from steer_env.experiments.pages.style import DASHES, PALETTE, legend, new_figure, styled, styles
+from steer_env.experiments.pages.style import DASHES, PALETTE, as_svg, legend, new_figure, styles
 from steer_env.experiments.pages.words import law_name
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE
 from steer_env.recording.recording import DEGREE
@@ -35,7 +35,7 @@ class History(Protocol):
         """Time between the samples [s]."""
 
 
-@styled
+@as_svg
 def characteristics(histories: Mapping[str, History], torques: Mapping[str, Mapping[str, Array]]) -> Figure:
     """Torque over displacement for every law: a growing sine above, nested loops below; ``LAWS_IN_A_ROW`` side by side.
 
@@ -62,7 +62,7 @@ def characteristics(histories: Mapping[str, History], torques: Mapping[str, Mapp
     return figure
 
 
-@styled
+@as_svg
 def reversal_and_hold(histories: Mapping[str, History], torques: Mapping[str, Mapping[str, Array]]) -> Figure:
     """A reversal of the growing sine, over displacement and over time, and a displacement that is held.
 
@@ -89,7 +89,7 @@ def reversal_and_hold(histories: Mapping[str, History], torques: Mapping[str, Ma
     return figure
 
 
-@styled
+@as_svg
 def held_torque(tests: Sequence[Any], sample_time: float, settling: float) -> Figure:
     """Torsion-bar torque during a hold, less its final mean: a row for each calibration, a column for each damper.
 
@@ -123,7 +123,7 @@ def held_torque(tests: Sequence[Any], sample_time: float, settling: float) -> Fi
     return figure
 
 
-@styled
+@as_svg
 def readme(tests: Mapping[str, Mapping[str, Mapping[str, Array]]]) -> Figure:
     """Hand torque over handwheel angle, a panel for each test and a line for each law.
 
@@ -142,7 +142,7 @@ def readme(tests: Mapping[str, Mapping[str, Mapping[str, Array]]]) -> Figure:
     return figure
 
 
-@styled
+@as_svg
 def real_time(tables: Mapping[str, Sequence[Any]], usable: float) -> Figure:
     """Error over step length, a panel for each scheme; a cross at the top where a run does not stay bounded.
 
@@ -171,7 +171,7 @@ def real_time(tables: Mapping[str, Sequence[Any]], usable: float) -> Figure:
     return figure
 
 
-@styled
+@as_svg
 def margins(points: dict[str, list[Any]], targets: tuple[float, float]) -> Figure:
     """Phase margin [deg] and gain margin [dB] over torsion-bar torque, one line for each speed."""
     figure = new_figure(9.6, 3.0)
@@ -188,7 +188,7 @@ def margins(points: dict[str, list[Any]], targets: tuple[float, float]) -> Figur
     return figure
 
 
-@styled
+@as_svg
 def chassis(cycles: dict[str, dict[str, Array]]) -> Figure:
     """The same weave on both chassis: hand torque, rack force and roll angle as cross plots."""
     figure = new_figure(9.6, 3.2)
@@ -206,7 +206,7 @@ def chassis(cycles: dict[str, dict[str, Array]]) -> Figure:
     return figure
 
 
-@styled
+@as_svg
 def parking(found: dict[str, Any]) -> Figure:
     """Rack force and hand torque over the handwheel angle, from lock to lock and back."""
     figure = new_figure(9.6, 3.2)
@@ -221,7 +221,7 @@ def parking(found: dict[str, Any]) -> Figure:
     return figure
 
 
-@styled
+@as_svg
 def loop_width(panels: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> Figure:
     """Signed loop widths over friction, a row for each metric and a column for each test."""
     figure = new_figure(9.6, 5.4)
@@ -251,7 +251,7 @@ class LearningCurves(NamedTuple):
     runs: Mapping[str, Mapping[str, Array]]  # label -> column ("steps", "reward", metrics) -> (n,)
 
 
-@styled
+@as_svg
 def learning(tasks: Mapping[str, LearningCurves]) -> Figure:
     """Learning curves, a row for each task: the reward, and the metric that the training is for."""
     figure = new_figure(9.6, 1.9 * len(tasks))
@@ -274,7 +274,7 @@ _NOT_NOTICED = "#e3f2ea"
 _WIDEST = 4.0  # half the width of the axis of the differences at most, in thresholds; what is beyond is at its edge
 
 
-@styled
+@as_svg
 def weave(curves: Mapping[str, Mapping[str, Array]]) -> Figure:
     """Hand torque over handwheel angle in a test that repeats itself, a line for each law (SI).
 
@@ -298,7 +298,7 @@ def coincident(curves: Mapping[str, Mapping[str, Array]]) -> list[str]:
     return [law for (law, _), same in zip(others, coincide(first, [line for _, line in others])) if same]
 
 
-@styled
+@as_svg
 def loops(x: Array, torques: Mapping[str, Array]) -> Figure:
     """Friction torque (T,) [N m] over displacement (T,) [rad], a line for each law.
 
@@ -328,7 +328,7 @@ def loops(x: Array, torques: Mapping[str, Array]) -> Figure:
     return figure
 
 
-@styled
+@as_svg
 def terms(shares: Mapping[str, Mapping[str, Sequence[float]]], threshold: float, narrow: bool = False) -> Figure:
     """Differences from the base law beside the just-noticeable difference, which is shaded: a row for each law.
 
@@ -359,7 +359,7 @@ def terms(shares: Mapping[str, Mapping[str, Sequence[float]]], threshold: float,
     return figure
 
 
-@styled
+@as_svg
 def differences(rows: Mapping[str, Mapping[str, tuple[float, float]]], large: float) -> Figure:
     """Differences of metrics from a base recording, a row for each metric, a mark for each recording.
 
@@ -388,7 +388,7 @@ def differences(rows: Mapping[str, Mapping[str, tuple[float, float]]], large: fl
     return figure
 
 
-@styled
+@as_svg
 def dots(
     rows: Mapping[str, tuple[float, float, float]],
     label: str,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from steer_env.experiments.pages.pages import image
-from steer_env.experiments.pages.style import colours, legend_of, new_figure, styled
+from steer_env.experiments.pages.style import as_svg, colours, legend_of, new_figure
 from steer_env.metrics import CHANNELS, UNITS, RefusedError, frequency_response_curve
 from steer_env.recording.recording import FILE_UNITS, Recording
 
@@ -62,7 +62,7 @@ def axis(name: str) -> tuple[str, float]:
     return f"{name.replace('_', ' ')} [{_NAMES.get(unit, unit)}]", FILE_UNITS[unit][1]
 
 
-def thinned(values: Array, points: int) -> Array:
+def thin_out(values: Array, points: int) -> Array:
     """At most ``points`` of the rows, evenly spaced, with the first and the last."""
     return values[np.linspace(0, len(values) - 1, min(len(values), points)).round().astype(int)]
 
@@ -74,7 +74,7 @@ def panels(curves: Mapping[str, Curves], pairs: Sequence[tuple[str, str]]) -> li
     for x, y in pairs:
         (x_title, x_size), (y_title, y_size) = axis(x), axis(y)
         lines = [
-            Line(label, thinned(curve[x], POINTS) / x_size, thinned(curve[y], POINTS) / y_size, *styles[label])
+            Line(label, thin_out(curve[x], POINTS) / x_size, thin_out(curve[y], POINTS) / y_size, *styles[label])
             for label, curve in curves.items()
             if {x, y} <= curve.keys()
         ]
@@ -83,7 +83,7 @@ def panels(curves: Mapping[str, Curves], pairs: Sequence[tuple[str, str]]) -> li
     return found
 
 
-def apart(curves: Mapping[str, Curves], base: str, pairs: Sequence[tuple[str, str]]) -> list[Panel]:
+def differences(curves: Mapping[str, Curves], base: str, pairs: Sequence[tuple[str, str]]) -> list[Panel]:
     """A panel for each pair (x, y): y of every label less that of the base at the same phase of the cycle."""
     moved = {
         label: {**curve, **{y: curve[y] - curves[base][y] for _, y in pairs}}
@@ -129,10 +129,10 @@ def boundaries(pair: Any, labels: tuple[str, str]) -> Panel:
     size = np.array((x_size, y_size))
     shades = colours(list(labels))
     lines = [
-        Line(label, thinned(curve, POINTS)[:, 0] / x_size, thinned(curve, POINTS)[:, 1] / y_size, colour, dash)
+        Line(label, thin_out(curve, POINTS)[:, 0] / x_size, thin_out(curve, POINTS)[:, 1] / y_size, colour, dash)
         for label, curve, colour, dash in zip(labels, (pair.reference, pair.other), shades, _DASHES)
     ]
-    return Panel(x_title, y_title, lines, (thinned(pair.left, POINTS) / size, thinned(pair.right, POINTS) / size))
+    return Panel(x_title, y_title, lines, (thin_out(pair.left, POINTS) / size, thin_out(pair.right, POINTS) / size))
 
 
 # Gains of the frequency responses to the handwheel angle, in the units of their metrics.
@@ -170,7 +170,7 @@ def _response_titles(name: str, unit: str) -> tuple[str, str, str]:
     return f"{shown}, gain [{unit}]", "phase [deg]", "squared coherence [1]"
 
 
-@styled
+@as_svg
 def draw(shown: Sequence[Panel], name: str, height: float = 2.7, columns: int = 2) -> Figure:
     """Panels as one picture; ``height`` is that of a row [inch], ``name`` that of its file."""
     columns = min(columns, len(shown))
@@ -192,9 +192,9 @@ def draw(shown: Sequence[Panel], name: str, height: float = 2.7, columns: int = 
 def _panel(axes: Axes, panel: Panel) -> None:
     for line in panel.lines:
         style = {"color": line.colour, "linestyle": _STILL[line.dash], "linewidth": 1.2, "label": line.label}
-        axes.plot(thinned(line.x, STILL), thinned(line.y, STILL), **style)  # type: ignore[arg-type]
+        axes.plot(thin_out(line.x, STILL), thin_out(line.y, STILL), **style)  # type: ignore[arg-type]
     for edge in panel.band or ():
-        axes.plot(*thinned(edge, STILL).T, color="#9aa5b1", linestyle=":", linewidth=0.9)
+        axes.plot(*thin_out(edge, STILL).T, color="#9aa5b1", linestyle=":", linewidth=0.9)
     axes.set(xlabel=panel.x, ylabel=panel.y, xscale="log" if panel.logarithmic else "linear")
     if panel.logarithmic:
         axes.xaxis.set_major_formatter("{x:g}")  # powers of ten would be more than plain text

@@ -74,7 +74,7 @@ _kept: ContextVar[tuple[Path, set[str]] | None] = ContextVar("folder of the pict
 
 
 @contextmanager
-def kept(folder: Path | None) -> Iterator[None]:
+def picture_folder(folder: Path | None) -> Iterator[None]:
     """Write every picture drawn meanwhile into a folder as SVG, PDF and PNG, with its data as CSV; None: nowhere."""
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)
@@ -85,17 +85,17 @@ def kept(folder: Path | None) -> Iterator[None]:
         _kept.reset(token)
 
 
-def styled(draw: Callable[P, Figure]) -> Callable[P, str]:
+def as_svg(draw: Callable[P, Figure]) -> Callable[P, str]:
     """Make a function that draws a figure one that gives it as SVG text, in the style of all pictures.
 
-    The file of a picture (:func:`kept`) is named by the figure's label, or by the function.
+    The file of a picture (:func:`picture_folder`) is named by the figure's label, or by the function.
     """
 
     @functools.wraps(draw)
     def drawn(*args: P.args, **kwargs: P.kwargs) -> str:
         with matplotlib.rc_context(STYLE):
             figure = draw(*args, **kwargs)
-            text = _saved(figure, "svg").decode()
+            text = _save(figure, "svg").decode()
             if place := _kept.get():
                 _write(*place, str(figure.get_label()) or draw.__name__, figure, text)
         return text
@@ -153,7 +153,7 @@ def legend_of(figure: Figure, handles: Sequence[Any], labels: Sequence[str], col
     figure.legend(handles, labels, loc="outside upper center", ncols=max(1, min(columns, len(labels), room)))
 
 
-def _saved(figure: Figure, form: str) -> bytes:
+def _save(figure: Figure, form: str) -> bytes:
     file = io.BytesIO()
     own = {"svg": ("Date", "Creator"), "pdf": ("CreationDate", "Creator"), "png": ("Software",)}[form]
     figure.savefig(file, format=form, dpi=DOTS, metadata=dict.fromkeys(own))
@@ -167,7 +167,7 @@ def _write(folder: Path, written: set[str], label: str, figure: Figure, svg: str
     written.add(name)
     write_text(folder / f"{name}.svg", svg)
     for form in ("pdf", "png"):
-        write_bytes(folder / f"{name}.{form}", _saved(figure, form))
+        write_bytes(folder / f"{name}.{form}", _save(figure, form))
     write_text(folder / f"{name}.csv", _data(figure))
 
 
@@ -253,17 +253,17 @@ def smaller(svg: str) -> str:
         return f'class="{styles.setdefault(found[1], f"s{len(styles)}")}"'
 
     text = _REFERENCE.sub(referred, _NAME.sub(named, _LEFT_OUT.sub("", svg)))
-    text = _PATH.sub(_stepwise, _PLACES.sub(_rounded, _STYLE.sub(classed, text))).replace("<g/>", "")
+    text = _PATH.sub(_stepwise, _PLACES.sub(_round, _STYLE.sub(classed, text))).replace("<g/>", "")
     clips = dict.fromkeys(found[1] for found in _CLIPPED.finditer(text))
     text = _CLIPPED.sub(r'class="\2 \1"', text)
     sheet = "".join(f".{name}{{{style}}}" for style, name in styles.items())
     sheet += "".join(f".{name}{{clip-path: url(#{name})}}" for name in clips)
     if family := _FAMILY.search(sheet):
         sheet = f"text{{{family[0]}}}{sheet.replace(family[0], '')}"
-    return re.sub(r"(<svg[^>]*>)", rf"\1<style>{sheet}</style>", _ungrouped(text), count=1)
+    return re.sub(r"(<svg[^>]*>)", rf"\1<style>{sheet}</style>", _remove_groups(text), count=1)
 
 
-def _rounded(place: re.Match[str]) -> str:
+def _round(place: re.Match[str]) -> str:
     text = _LONG.sub(lambda found: f"{float(found[0]):.1f}".removesuffix(".0"), place[2])
     return f'{place[1]}="{text}"'
 
@@ -282,7 +282,7 @@ def _stepwise(path: re.Match[str]) -> str:
     return f'd="{short}"'
 
 
-def _ungrouped(svg: str) -> str:
+def _remove_groups(svg: str) -> str:
     """A picture without the groups that have no attribute."""
     kept: list[bool] = []
 

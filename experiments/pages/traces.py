@@ -42,7 +42,7 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
         raise ValueError(f"{path}: results end in {', '.join(SUFFIXES)}")
     if suffix == ".html":
         element = _ELEMENT.search(toml.text(path))
-        found = toml.parsed(path, element[1], json.loads) if element else None
+        found = toml.parse_file(path, element[1], json.loads) if element else None
     elif suffix == ".json":
         contents = toml.read(path, json.loads)
         found = contents.get("trace") if isinstance(contents, dict) else None
@@ -104,7 +104,7 @@ def differences(one: str | os.PathLike[str], other: str | os.PathLike[str]) -> l
     if suffix == ".json":
         a, b = (_result(toml.read(path, json.loads), _ABOUT_THE_RUN) for path in (one, other))
     else:
-        a, b = _recorded(one), _recorded(other)
+        a, b = _read_recording(one), _read_recording(other)
     places = [place for place in {**a, **b} if place not in a or place not in b or not _equal(a[place], b[place])]
     return [".".join(map(str, place)) for place in places]
 
@@ -131,7 +131,7 @@ def _result(contents: Any, about_the_run: Collection[str]) -> dict[Place, Any]:
     return dict(_values(contents))
 
 
-def _recorded(path: str | os.PathLike[str]) -> dict[Place, Any]:
+def _read_recording(path: str | os.PathLike[str]) -> dict[Place, Any]:
     """Time, channels, units and meta of a recording."""
     recording = files.read(path)
     said = {f"meta {name}": value for name, value in recording.meta.items() if name != "trace"}

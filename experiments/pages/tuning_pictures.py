@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
-from steer_env.experiments.pages.style import DASHES, PALETTE, new_figure, styled
+from steer_env.experiments.pages.style import DASHES, PALETTE, as_svg, new_figure
 
 Array = NDArray[np.float64]
 
@@ -19,7 +19,7 @@ _SHADE, _GOOD = "#8a949e", "#e3f2ea"
 _MARKS = ("s", "#555f69"), ("D", "#b00020"), ("^", "#882255"), ("v", "#332288")  # shape and colour
 
 
-@styled
+@as_svg
 def front(
     sets: Mapping[str, Array],
     chosen: Array,
@@ -63,7 +63,7 @@ def _inside(values: Array, ends: Sequence[float]) -> Array:
     return found
 
 
-@styled
+@as_svg
 def importances(shares: Mapping[str, Mapping[str, float]], parameters: Sequence[str]) -> Figure:
     """Share of each parameter in the spread of each objective, as bars [1]."""
     figure = new_figure(3.3 * len(shares) + 1.2, 0.28 * len(parameters) + 0.9)
@@ -77,7 +77,7 @@ def importances(shares: Mapping[str, Mapping[str, float]], parameters: Sequence[
     return figure
 
 
-@styled
+@as_svg
 def ranking(shares: Mapping[str, float]) -> Figure:
     """Mean change by parameter as bars, in per cent of a band [1]."""
     figure = new_figure(5.0, 0.28 * len(shares) + 0.9)
@@ -89,7 +89,7 @@ def ranking(shares: Mapping[str, float]) -> Figure:
     return figure
 
 
-@styled
+@as_svg
 def course(curves: Mapping[str, Array], own: float) -> Figure:
     """The best set so far over the number of evaluated sets, a line for each optimiser [1]."""
     figure = new_figure(6.4, 2.8)
@@ -105,7 +105,7 @@ def course(curves: Mapping[str, Array], own: float) -> Figure:
     return figure
 
 
-@styled
+@as_svg
 def boost(torques: Array, speeds: Sequence[str], before: Array, after: Array) -> Figure:
     """Boost (V, T) before and after over the torsion-bar torque (T,) [N m], a panel for each speed [km/h]."""
     figure = new_figure(9.6, 2.6)
@@ -118,7 +118,7 @@ def boost(torques: Array, speeds: Sequence[str], before: Array, after: Array) ->
     return figure
 
 
-@styled
+@as_svg
 def bands(rows: Mapping[str, Mapping[str, tuple[float, float]]], never: Collection[str]) -> Figure:
     """Span of each metric over the conditions beside its band, which is shaded, in widths of the band.
 
@@ -147,7 +147,7 @@ def bands(rows: Mapping[str, Mapping[str, tuple[float, float]]], never: Collecti
     return figure
 
 
-@styled
+@as_svg
 def shares(rows: Mapping[str, tuple[float, float, float]]) -> Figure:
     """Shares with the ends of their intervals as bars, a row for each (share, low, high) [1]."""
     figure = new_figure(5.0, 0.28 * len(rows) + 0.9)
@@ -169,7 +169,7 @@ class Spread(NamedTuple):
     fair: tuple[float, float]  # ends of the fair band [1]
 
 
-@styled
+@as_svg
 def distributions(rows: Mapping[str, Spread]) -> Figure:
     """Histograms of metrics beside their bands, a row for each; what lies beyond the axis is in the outermost bin."""
     low, high, bins = -0.75, 1.75, 75
@@ -218,7 +218,7 @@ class Line(NamedTuple):
     note: str = ""  # in place of the cells
 
 
-@styled
+@as_svg
 def heat_map(
     columns: Sequence[tuple[str, str]],
     groups: Mapping[str, Sequence[Line]],

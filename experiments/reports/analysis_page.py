@@ -9,7 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.experiments.calibration import margin_map
-from steer_env.experiments.calibration.margin_map import GAIN_LIMIT, PHASE_LIMIT, RESTING, SLIDING, Cell, missed
+from steer_env.experiments.calibration.margin_map import (
+    GAIN_LIMIT,
+    PHASE_LIMIT,
+    RESTING,
+    SLIDING,
+    Cell,
+    cells_below_limits,
+)
 from steer_env.experiments.pages import car_pictures, plots
 from steer_env.experiments.pages.pages import Page
 from steer_env.experiments.pages.plots import Line, Panel
@@ -121,7 +128,7 @@ def _page(results: Results) -> Page:
         "phase_limit": PHASE_LIMIT,
         "gain_limit": GAIN_LIMIT,
         "reached": len(found),
-        "missed": missed(found),
+        "missed": cells_below_limits(found),
         "phase": min(found, key=lambda c: c.phase_deg),
         "gain": min(found, key=lambda c: c.gain_db),
         "least": car_pictures.least_margins(_least(results), (PHASE_LIMIT, GAIN_LIMIT)),
@@ -178,7 +185,7 @@ def build(results: Results) -> tuple[Page, dict[str, Any]]:
             "phase_deg": min(c.phase_deg for c in results.cells if c.margins),
             "gain_db": min(c.gain_db for c in results.cells if c.margins),
         },
-        "missed": [c.where for c in missed(results.cells)],
+        "missed": [c.where for c in cells_below_limits(results.cells)],
         "driven_back_db": results.driven_back_db,
     }
     return _page(results), data

@@ -17,8 +17,8 @@ from steer_env import metrics, targets
 from steer_env.experiments.pages import car_pictures, pictures, plots, provenance
 from steer_env.experiments.pages.files import csv_text, replaced_directory, write_text
 from steer_env.experiments.pages.metrics_json import entries
-from steer_env.experiments.pages.pages import Page, image, place
-from steer_env.experiments.pages.words import label, listed, number, percent
+from steer_env.experiments.pages.pages import Page, image, write_page
+from steer_env.experiments.pages.words import in_words, label, number, percent
 from steer_env.experiments.studies.common import battery, comparison_power, explanation, simulation_vs_measurement
 from steer_env.experiments.studies.common.battery import MATTERS
 from steer_env.experiments.studies.common.comparison_power import Power
@@ -39,7 +39,7 @@ def title(found: "Assessment") -> str:
     if found.pairs:
         return f"{test}: {labels[1]} against {labels[0]}"
     if found.differences:
-        return f"{test}: {listed(labels[1:])} compared with {labels[0]}"
+        return f"{test}: {in_words(labels[1:])} compared with {labels[0]}"
     return f"{test}: {labels[0] if len(labels) == 1 else f'{len(labels)} recordings'}"
 
 
@@ -77,7 +77,7 @@ def _comparison(found: "Assessment") -> str:
     reference, *others = found.values
     many = {name: each for name, each in found.differences.items() if each}
     if not many:
-        return f"{listed(others)} and {reference} cannot be compared: no metric is read from both."
+        return f"{in_words(others)} and {reference} cannot be compared: no metric is read from both."
     large = {name: sum(d.matters for d in each.values()) for name, each in many.items()}
     known = [just_noticeable.UNKNOWN != d.perception.verdict for each in many.values() for d in each.values()]
     felt = {name: [d.perception.verdict for d in each.values()].count(just_noticeable.PERCEPTIBLE)
@@ -488,5 +488,5 @@ def write(
     """
     trace = provenance.trace() if trace is None else trace
     with replaced_directory(out, CONTENTS) as part:
-        place(part, page_of(found, recordings, trace, full), {"evaluation.json": as_json(found)}, trace)
+        write_page(part, page_of(found, recordings, trace, full), {"evaluation.json": as_json(found)}, trace)
         write_text(part / "metrics.csv", csv_text(as_rows(found)))

@@ -13,7 +13,7 @@ from steer_env.experiments.learning import benchmark, policy_report, records, tu
 from steer_env.experiments.learning.benchmark import KINDS, Drive, Part, Scored, Suite
 from steer_env.experiments.learning.held_out import Estimate
 from steer_env.experiments.pages import provenance
-from steer_env.experiments.pages.pages import Page, place
+from steer_env.experiments.pages.pages import Page, write_page
 from steer_env.experiments.pages.pictures import dots
 from steer_env.experiments.pages.words import label, unit, within
 from steer_env.registration import DRIVEN, TUNED
@@ -159,10 +159,10 @@ def read(folder: Path) -> list[Scored]:
     paths = sorted(
         path for suite in benchmark.names() for kind in KINDS for path in folder.glob(f"{suite}-{kind}-*.json")
     )
-    return [benchmark.scored(benchmark.read(path)) for path in paths]
+    return [benchmark.score_entry(benchmark.read(path)) for path in paths]
 
 
 def write(folder: Path) -> Path:
     """Write the page of all results in a folder; its path."""
-    place(folder, Page("benchmark", {"standings": standings(read(folder)), "mark": MARK}), {}, provenance.trace())
+    write_page(folder, Page("benchmark", {"standings": standings(read(folder)), "mark": MARK}), {}, provenance.trace())
     return folder / "index.html"

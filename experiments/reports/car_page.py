@@ -13,7 +13,7 @@ import numpy as np
 
 from steer_env.experiments.pages import car_pictures, pictures, provenance
 from steer_env.experiments.pages.files import replaced_directory
-from steer_env.experiments.pages.pages import LIVE, Beside, Page, image, place
+from steer_env.experiments.pages.pages import LIVE, OtherPage, Page, image, write_page
 from steer_env.experiments.reports import car_quantities, car_suspension
 from steer_env.experiments.reports.car_quantities import CHASSIS, Quantity, ranges
 from steer_env.experiments.reports.car_simulated import OWN, SPEED, SPEEDS, Simulated, simulate
@@ -164,7 +164,7 @@ def page_of(car: Car, found: list[Quantity], simulated: Simulated) -> Page:
     return Page("car", values)
 
 
-def build(out: Path, car: Car, trace: dict[str, Any] | None = None, beside: Beside | None = None) -> list[Quantity]:
+def build(out: Path, car: Car, trace: dict[str, Any] | None = None, beside: OtherPage | None = None) -> list[Quantity]:
     """Derive the quantities of a car and write its page into a directory, which appears or is replaced as a whole.
 
     Parameters
@@ -186,5 +186,5 @@ def build(out: Path, car: Car, trace: dict[str, Any] | None = None, beside: Besi
     with replaced_directory(out, CONTENTS) as part:
         simulated = simulate(car)
         found = car_quantities.collect(car, simulated)
-        place(part, page_of(car, found, simulated), {"car.json": as_json(car, found)}, trace, beside)
+        write_page(part, page_of(car, found, simulated), {"car.json": as_json(car, found)}, trace, beside)
     return found

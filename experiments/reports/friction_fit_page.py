@@ -16,8 +16,8 @@ from markupsafe import Markup
 from steer_env import friction
 from steer_env.experiments.pages import friction_pictures
 from steer_env.experiments.pages.files import replaced_directory
-from steer_env.experiments.pages.pages import Beside, Page, environment, image, place
-from steer_env.experiments.pages.style import colours, kept
+from steer_env.experiments.pages.pages import OtherPage, Page, environment, image, write_page
+from steer_env.experiments.pages.style import colours, picture_folder
 from steer_env.experiments.pages.words import capital
 from steer_env.experiments.pages.words import number as shown_number
 from steer_env.experiments.reports.friction_fit import SHOWN, Found, contents, known_from
@@ -303,11 +303,11 @@ def page_of(found: Found, folder: str) -> Page:
 
 def _narrow(given: friction_pictures.Shown, curves: Mapping[str, Any], titles: Mapping[str, str]) -> str:
     """The loops for a narrow screen, which no folder of pictures needs beside the wide ones."""
-    with kept(None):
+    with picture_folder(None):
         return friction_pictures.fitted_loops(given, curves, titles, columns=2)
 
 
-def write(out: Path, found: Found, trace: Mapping[str, Any], beside: Beside | None = None) -> None:
+def write(out: Path, found: Found, trace: Mapping[str, Any], beside: OtherPage | None = None) -> None:
     """Write page and files into a directory, which appears or is replaced as a whole.
 
     ``trace`` is of :func:`steer_env.experiments.pages.provenance.trace`; every file holds it.
@@ -317,4 +317,4 @@ def write(out: Path, found: Found, trace: Mapping[str, Any], beside: Beside | No
     laws = {f"{each.law}.json": law_file(found, each, fit) for each, fit in fitted}
     page = page_of(found, out.name)
     with replaced_directory(out, contents()) as part:
-        place(part, page, {"fit.json": as_json(found), **laws}, trace, beside)
+        write_page(part, page, {"fit.json": as_json(found), **laws}, trace, beside)

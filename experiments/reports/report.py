@@ -14,8 +14,8 @@ from steer_env import metrics, targets
 from steer_env.experiments.pages import pictures, plots, provenance
 from steer_env.experiments.pages.files import replaced_directory
 from steer_env.experiments.pages.metrics_json import entries
-from steer_env.experiments.pages.pages import LIVE, Beside, Page, image, place
-from steer_env.experiments.pages.style import kept
+from steer_env.experiments.pages.pages import LIVE, OtherPage, Page, image, write_page
+from steer_env.experiments.pages.style import picture_folder
 from steer_env.experiments.reports import report_findings
 from steer_env.experiments.reports.report_results import TIMED, Drives, Notify, Part, Results, Scope, base_of, collect
 from steer_env.experiments.studies import friction_laws, loop_width, real_time, vehicle
@@ -193,7 +193,7 @@ def _first_pictures(results: Results, terms: Sequence[report_findings.OnTerm], n
     shares = {term.title: {law: [row.of_base for row in of.known] for law, of in term.laws.items()} for term in terms}
     if any(values for of in shares.values() for values in of.values()):
         drawn["first_terms"] = pictures.terms(shares, noticed)
-        with kept(None):
+        with picture_folder(None):
             drawn["narrow_terms"] = pictures.terms(shares, noticed, narrow=True)
     return drawn
 
@@ -241,7 +241,7 @@ def plot(test: str, drives: Mapping[str, battery.Drive], base: str, full: bool) 
     shown, left_out = plots.without_coincident(plots.panels(curves, pairs), base)
     if base in curves and "time" not in curves[base]:
         torques = [pair for pair in pairs if pair[1] == TORQUE]
-        shown = shown[: len(torques)] + plots.apart(curves, base, torques)
+        shown = shown[: len(torques)] + plots.differences(curves, base, torques)
     return Plot(plots.markup(shown, test, full), left_out)
 
 
@@ -253,7 +253,7 @@ def build(
     look: Look = DEFAULT,
     trace: Mapping[str, Any] | None = None,
     sweep: Runner = run,
-    beside: Beside | None = None,
+    beside: OtherPage | None = None,
 ) -> Results:
     """Write the report to a directory, which appears or is replaced as a whole.
 
@@ -295,6 +295,6 @@ def build(
         notify(TIMED, "drawing")
         source = provenance_of(results)
         numbers = {"metrics.json": metrics_json(results, source, look)}
-        place(part, page_of(results, source, look, ahead), numbers, kept, beside)
+        write_page(part, page_of(results, source, look, ahead), numbers, kept, beside)
     notify(1.0, "done")
     return results

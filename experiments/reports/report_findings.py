@@ -8,13 +8,13 @@ from typing import NamedTuple
 import numpy as np
 
 from steer_env import targets
-from steer_env.experiments.pages.words import change, label, listed, percent, plain
+from steer_env.experiments.pages.words import change, in_words, label, percent, plain
 from steer_env.experiments.reports.report_results import Drives, Results
 from steer_env.experiments.studies import friction_laws, real_time
 from steer_env.experiments.studies.common import assist_margins, battery
 from steer_env.experiments.studies.common.assist_margins import TARGETS, Cell
 from steer_env.experiments.studies.common.battery import LEAST, MATTERS
-from steer_env.experiments.studies.friction_laws import Held, Residual, Verdict
+from steer_env.experiments.studies.friction_laws import HeldTest, Residual, Verdict
 from steer_env.experiments.studies.real_time import Row
 from steer_env.friction import sites
 from steer_env.friction.law import law_of
@@ -197,7 +197,7 @@ def verdict(results: Results, found: Sequence[OnTerm]) -> str:
             f"good band, {counts['amber']} in the fair band and {counts['red']} outside it."
         )
     if not shared.differences.known:
-        (row,) = shared.differences.rows[:1] or [None]
+        row = next(iter(shared.differences.rows), None)
         if row is None or not math.isfinite(row.found.share):
             return "Whether a driver would notice a difference is not known for what was driven here."
         what = f"most differs {label(row.metric)} in {row.test.replace('-', ' ')}, by {change(row.found.share)}"
@@ -217,7 +217,7 @@ def verdict(results: Results, found: Sequence[OnTerm]) -> str:
 
 def _few(laws: Sequence[str], most: int = 2) -> str:
     """Laws by name, or their number where there are more than ``most``."""
-    return listed(laws) if len(laws) <= most else f"{len(laws)} laws"
+    return in_words(laws) if len(laws) <= most else f"{len(laws)} laws"
 
 
 class SmallTurns(NamedTuple):
@@ -285,7 +285,7 @@ class HeldTorque(NamedTuple):
     step_change: float  # relative change of that ripple with a tenth of the step [1]
     # Least and largest share of the difference between the laws that the damper removes, by damping ratio.
     removed: dict[float, tuple[float, float]]  # [1]
-    masing: list[Held]  # all tests with Masing
+    masing: list[HeldTest]  # all tests with Masing
 
     @property
     def vibrates(self) -> bool:
@@ -293,7 +293,7 @@ class HeldTorque(NamedTuple):
         return self.worst.masing.ripple > 2.0 * self.worst.lugre.ripple
 
     @property
-    def lasting(self) -> dict[tuple[str, str], list[Held]]:
+    def lasting(self) -> dict[tuple[str, str], list[HeldTest]]:
         """State of the assist and calibration in which Masing's vibration lasts without a damper -> all its dampers."""
         return {
             bare[:2]: [test for test in self.masing if test[:2] == bare[:2]]
@@ -317,7 +317,7 @@ class HeldTorque(NamedTuple):
         return lasts(self.worst.masing) and self.unassisted.masing.lasting < 0.5
 
 
-def lasts(test: Held) -> bool:
+def lasts(test: HeldTest) -> bool:
     """Whether a vibration hardly decays in the two seconds over which it is read."""
     return test.lasting > 0.9
 

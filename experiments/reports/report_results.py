@@ -62,7 +62,7 @@ class LawResult(NamedTuple):
 
     torques: dict[str, Any]  # of friction_laws.characteristics
     rows: list[real_time.Row]
-    held: list[friction_laws.Held]
+    held: list[friction_laws.HeldTest]
 
 
 class Results(NamedTuple):
@@ -76,7 +76,7 @@ class Results(NamedTuple):
     small_turns: dict[str, battery.Drive]  # law -> the weave with turns as small as on a straight road
     fitted: FittedLaws  # each law fitted to the measured friction, by its name; those that can be
     torques: dict[str, dict[str, Any]]
-    held: list[friction_laws.Held]
+    held: list[friction_laws.HeldTest]
     tables: dict[str, list[real_time.Row]]
     times: Times
     margins: dict[str, list[Cell]]  # by speed

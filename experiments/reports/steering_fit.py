@@ -15,9 +15,9 @@ from matplotlib.figure import Figure
 from steer_env import friction
 from steer_env.experiments.calibration.column_fit import LONGEST, RUN_IN, ColumnFit, term_of
 from steer_env.experiments.pages.files import replaced_directory
-from steer_env.experiments.pages.pages import LIVE, Beside, Page, image, place
-from steer_env.experiments.pages.plots import thinned
-from steer_env.experiments.pages.style import PALETTE, new_figure, styled
+from steer_env.experiments.pages.pages import LIVE, OtherPage, Page, image, write_page
+from steer_env.experiments.pages.plots import thin_out
+from steer_env.experiments.pages.style import PALETTE, as_svg, new_figure
 from steer_env.experiments.reports.friction_fit_page import LAW_TITLES
 from steer_env.friction.fitted_file import UNITS as LAW_UNITS
 from steer_env.hand_torque import Identified
@@ -235,7 +235,7 @@ def _plain(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-@styled
+@as_svg
 def measured_over_predicted(found: Identified, names: Sequence[str]) -> Figure:
     """Measured over predicted torque of the judging part of each drive, and both over time."""
     count = len(found.drives)
@@ -251,7 +251,7 @@ def measured_over_predicted(found: Identified, names: Sequence[str]) -> Figure:
         left, right = axes
         predicted = on_samples(model, d.angle, d.speed, d.dt)
         used = np.flatnonzero((np.arange(d.time.size) >= first) & (d.weight > 0.0))
-        x, y = thinned(predicted[used], POINTS), thinned(d.torque[used], POINTS)
+        x, y = thin_out(predicted[used], POINTS), thin_out(d.torque[used], POINTS)
         ends = [min(x.min(), y.min()), max(x.max(), y.max())]
         left.plot(x, y, ".", color=PALETTE[0], markersize=2.0, alpha=0.5)
         left.plot(ends, ends, color="#777777", linewidth=1.0)
@@ -314,7 +314,7 @@ def write(
     names: Sequence[str],
     of_car: ColumnFit | str,
     trace: Mapping[str, Any],
-    beside: Beside | None = None,
+    beside: OtherPage | None = None,
 ) -> None:
     """Write page, JSON and the fitted car with its friction into a directory, which is replaced as a whole.
 
@@ -326,6 +326,6 @@ def write(
     if not isinstance(of_car, str):
         files["friction.json"] = law_file(of_car, title(found.best.name) if found.dry else "no dry")
     with replaced_directory(out, contents()) as part:
-        place(part, page_of(found, names, out.name, of_car), files, trace, beside)
+        write_page(part, page_of(found, names, out.name, of_car), files, trace, beside)
         if not isinstance(of_car, str):
             cars.write(fitted_car(of_car, names), part / "car.toml")

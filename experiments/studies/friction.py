@@ -54,7 +54,7 @@ def page_of(r: Results) -> Page:
         "c": steps(r),
         "laws": of_laws(r),
         "factors": of_factors(r),
-        "apart": apart(r),
+        "apart": laws_told_apart(r),
         "speeds": speeds(r),
         "felt": felt(r),
         "loops": in_loop(r),
@@ -239,7 +239,7 @@ def _mean_large(rows: Sequence[Effect]) -> float:
     return float(np.mean([s.large / s.compared for s in found if s.compared])) if found else 0.0
 
 
-def apart(r: Results) -> dict[str, Any]:
+def laws_told_apart(r: Results) -> dict[str, Any]:
     """Where laws can be told apart with one calibration."""
     remembering = r.remembers()
     told = {name: [law for law in remembering if of[law] > TOLD] for name, of in r.apart.items()}
@@ -337,7 +337,7 @@ def _with_driver(r: Results) -> tuple[list[tuple[str, ...]], dict[tuple[str, str
             for law in r.laws:
                 if law == BASE_LAW:
                     continue
-                gap, half = cases.paired(mine[law][metric], base)
+                gap, half = cases.paired_difference(mine[law][metric], base)
                 cells.append(within(gap, half))
                 if law in r.remembers() and not abs(gap) <= half and scale > 0.0:
                     shares[task, metric, law] = abs(gap) / scale

@@ -59,12 +59,12 @@ def _nested_loops() -> History:
     return History("nested loops from 4 deg down to 0.25 deg, at 0.01 deg/s", x * DEGREE, 1.0)
 
 
-def _held() -> History:
+def _move_and_rest() -> History:
     x = np.concatenate([through((0.0, 0.5), 1e-3), np.full(500, 0.5), through((0.5, 0.3), 1e-3), np.full(500, 0.3)])
     return History("a displacement that moves at 1 deg/s, rests, moves back and rests", x * DEGREE, 1e-3)
 
 
-HISTORIES = {"growing_sine": _growing_sine(), "nested_loops": _nested_loops(), "held": _held()}
+HISTORIES = {"growing_sine": _growing_sine(), "nested_loops": _nested_loops(), "held": _move_and_rest()}
 # Samples of the nested loops: the reversal from saturation at 4 deg, and the first inside it, at 2 deg.
 SATURATED_TURN, NESTED_TURN = 400, 1800
 
@@ -130,7 +130,7 @@ def held_law(law: str, calibration: Calibration, damping_ratio: float, I2: float
     return friction.make(law, F_c=F_c, x_c=F_c / (2.0 * sigma_0), sigma_1=sigma_1)
 
 
-class Held(NamedTuple):
+class HeldTest(NamedTuple):
     """One held-torque test on the car."""
 
     assist: str  # a key of ASSIST
@@ -161,12 +161,12 @@ def torsion_bar(car: Car, p: Any, assisted: bool = True, substeps: int = 1) -> A
 
 
 def ripple(torque: Array) -> tuple[float, float]:
-    """Ripple of a held torque and what lasts of it, as in :class:`Held`."""
+    """Ripple of a held torque and what lasts of it, as in :class:`HeldTest`."""
     settled = torque[round(SETTLING / SAMPLE_TIME) :]
     return float(np.ptp(settled)), float(np.ptp(settled[-_SECOND:]) / np.ptp(settled[:_SECOND]))
 
 
-def held_torque(car: Car, law: str) -> list[Held]:
+def held_torque(car: Car, law: str) -> list[HeldTest]:
     """All held-torque tests of LuGre or Masing: with and without assist, both calibrations, every damper."""
     tests = []
     for state, calibration, ratio in product(ASSIST, CALIBRATIONS, DAMPING_RATIOS):
@@ -174,7 +174,7 @@ def held_torque(car: Car, law: str) -> list[Held]:
         coarse, fine = (torsion_bar(car, p, state == "on", substeps) for substeps in (1, 10))
         span, lasting = ripple(coarse)
         tests.append(
-            Held(
+            HeldTest(
                 state,
                 calibration.title,
                 law,
@@ -200,10 +200,10 @@ def ringing(torque: Array) -> float:
 class Verdict(NamedTuple):
     """Masing and LuGre with one state of the assist and one calibration, without and with the same damper in both."""
 
-    masing: Held
-    lugre: Held
-    masing_damped: Held
-    lugre_damped: Held
+    masing: HeldTest
+    lugre: HeldTest
+    masing_damped: HeldTest
+    lugre_damped: HeldTest
 
     @property
     def share_of_damper(self) -> float:
@@ -212,7 +212,7 @@ class Verdict(NamedTuple):
         return 1.0 - left / gap if gap else math.nan
 
 
-def verdicts(tests: list[Held], ratio: float) -> list[Verdict]:
+def verdicts(tests: list[HeldTest], ratio: float) -> list[Verdict]:
     """The effect of a damper of the given ratio in both laws, for every state of the assist and every calibration."""
     found = {test[:4]: test for test in tests}
     pairs = [(law, damping) for damping in (0.0, ratio) for law in ("masing", "lugre")]

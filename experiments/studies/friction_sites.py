@@ -167,7 +167,7 @@ def differences(term: dict[str, Site]) -> dict[str, dict[str, Difference]]:
     return found
 
 
-def apart(rows: dict[str, dict[str, Difference]], site: str) -> list[str]:
+def differing_metrics(rows: dict[str, dict[str, Difference]], site: str) -> list[str]:
     """The metrics in which a site differs from the base, the largest share first; only what is real and matters."""
     return sorted((name for name in rows if rows[name][site].matters), key=lambda name: -abs(rows[name][site].share))
 
@@ -179,7 +179,7 @@ def _row(name: str, of: dict[str, Difference]) -> tuple[str, ...]:
 def build(results: Results) -> tuple[pages.Page, dict[str, Any]]:
     """The page and its numbers as JSON."""
     rows = {term: differences(of) for term, of in results.terms.items()}
-    best = {term: {site: apart(of, site) for site in (ABOVE, GEAR)} for term, of in rows.items()}
+    best = {term: {site: differing_metrics(of, site) for site in (ABOVE, GEAR)} for term, of in rows.items()}
     tables = {}
     for term, of in rows.items():
         shown = sorted(of, key=lambda name: -max(abs(each.share) for each in of[name].values()))[:SHOWN]

@@ -11,8 +11,15 @@ from steer_env.experiments.pages import car_options, pages, pictures
 from steer_env.experiments.pages.options import progress
 from steer_env.experiments.pages.words import number, percent
 from steer_env.experiments.studies import friction_laws
-from steer_env.experiments.studies.common.scaling import check, scaled
-from steer_env.experiments.studies.friction_laws import ASSIST, CALIBRATIONS, DAMPING_RATIOS, HELD_LAWS, Held, Verdict
+from steer_env.experiments.studies.common.scaling import check, scale_record
+from steer_env.experiments.studies.friction_laws import (
+    ASSIST,
+    CALIBRATIONS,
+    DAMPING_RATIOS,
+    HELD_LAWS,
+    HeldTest,
+    Verdict,
+)
 from steer_env.experiments.sweep import Runner, run
 from steer_env.friction.defaults import F_C, SIGMA_0
 from steer_env.vehicle.cars import Car
@@ -39,7 +46,7 @@ def of_every_law(car: Car, law: str) -> list[Ripple]:
     found = []
     for calibration in CALIBRATIONS:
         distance = calibration.F_c / calibration.sigma_0 / (F_C / SIGMA_0)
-        p = scaled(friction.make(law), calibration.F_c / F_C, distance)
+        p = scale_record(friction.make(law), calibration.F_c / F_C, distance)
         found.append(Ripple(law, calibration.title, *friction_laws.ripple(friction_laws.torsion_bar(car, p))))
     return found
 
@@ -52,7 +59,7 @@ def _case(job: tuple[str, Car, str]) -> Any:
 class Results(NamedTuple):
     """All tests."""
 
-    tests: list[Held]  # LuGre and Masing with every damper
+    tests: list[HeldTest]  # LuGre and Masing with every damper
     laws: list[Ripple]  # every law as it is
 
 
@@ -68,8 +75,8 @@ def collect(car: Car, laws: Sequence[str], sweep: Runner = run, notify: Any = la
 class Compared(NamedTuple):
     """What the tests say of LuGre and Masing, and of the other laws."""
 
-    bare: Held  # undamped Masing in the case with its largest ripple
-    smooth: Held  # undamped LuGre there
+    bare: HeldTest  # undamped Masing in the case with its largest ripple
+    smooth: HeldTest  # undamped LuGre there
     frequency: float  # of the vibration there [Hz]
     removed: float  # least share of the difference that the heavier damper removes [1]
     cases: int  # with the heavier damper
@@ -95,7 +102,7 @@ class Compared(NamedTuple):
         return self.step_change < STEP
 
 
-def compared(results: Results) -> Compared:
+def compare(results: Results) -> Compared:
     """The comparison of LuGre and Masing."""
     light, heavy = (friction_laws.verdicts(results.tests, ratio) for ratio in DAMPING_RATIOS[1:])
     worst = max(light, key=lambda verdict: verdict.masing.ripple)
@@ -126,7 +133,7 @@ def _damping(results: Results, ratio: float) -> list[tuple[str, ...]]:
 
 def build(results: Results, car: str) -> tuple[pages.Page, dict[str, Any]]:
     """The page and its numbers as JSON."""
-    thin, c = friction_laws.THIN * SAMPLE_TIME, compared(results)
+    thin, c = friction_laws.THIN * SAMPLE_TIME, compare(results)
     first = [
         test
         for test in results.tests

@@ -157,7 +157,11 @@ def sentence(curves: Curves, test: str = WEAVE) -> str:
         mine = {key: verdict(curve) for key, curve in curves.items() if (key.test, key.metric) == (test, metric)}
         signed = [key for key, found in mine.items() if not found.signed]
         text = f"{metric} in the {test}: the signed width "
-        text += f"does not always grow with friction ({_named(signed)})" if signed else "grows with friction throughout"
+        text += (
+            f"does not always grow with friction ({_cars_and_laws(signed)})"
+            if signed
+            else "grows with friction throughout"
+        )
         folds: dict[tuple[str, str], list[Key]] = {}
         for key, found in mine.items():
             if not found.unsigned:
@@ -165,14 +169,14 @@ def sentence(curves: Curves, test: str = WEAVE) -> str:
         if folds:
             text += "; its absolute value first falls, to zero where friction balances lag and damping, at a friction "
             text += "torque of "
-            text += ", ".join(f"{zero} N m ({_named(keys)})" for (_, zero), keys in folds.items())
+            text += ", ".join(f"{zero} N m ({_cars_and_laws(keys)})" for (_, zero), keys in folds.items())
         else:
             text += ", and so does its absolute value"
         lines.append(text + ".")
     return "\n".join(lines)
 
 
-def _named(keys: Sequence[Key]) -> str:
+def _cars_and_laws(keys: Sequence[Key]) -> str:
     """The cars and laws of some curves."""
     cars_of, laws_of = (list(dict.fromkeys(found)) for found in zip(*((key.car, key.law) for key in keys)))
     return f"{', '.join(cars_of)}: {', '.join(laws_of)}"

@@ -4,6 +4,7 @@ import argparse
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from steer_env.vehicle import cars
 
 LAWS = ("coulomb", "lugre", "masing", "elasto_plastic")
 LEAST = math.radians(0.3)  # travel that counts as a turn: three steps of the recorded angle of the traffic; assumed
-TESTS = {  # title -> options of the weave
+TESTS: dict[str, dict[str, Any]] = {  # title -> options of the weave
     f"turns of ±{math.degrees(SMALL_TURN):g} deg, as on a straight road": SMALL_TURNS,
     "the weave of the standard, 2 m/s²": {"cycles": 6},
 }

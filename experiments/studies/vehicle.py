@@ -55,7 +55,7 @@ class Study(NamedTuple):
     parking: dict[str, Parking]  # "assisted", "unassisted"
 
 
-def _switched(p: plant.Plant, car: Car, titles: Iterable[str]) -> plant.Plant:
+def _switch(p: plant.Plant, car: Car, titles: Iterable[str]) -> plant.Plant:
     body, tyre = p.chassis.body.copy(), p.tyre.copy()
     for title in titles:
         for field, factor in SWITCHES[title].items():
@@ -92,8 +92,8 @@ def collect(car: Car, friction: Any) -> Study:
     u = manoeuvres.inputs(weave, amplitude, weave.duration)
     period = round(1.0 / 0.2 / SAMPLE_TIME)
     plants = {"single track": single, "two tracks": two}
-    plants |= {title: _switched(two, car, [title]) for title in SWITCHES}
-    plants["all of these"] = _switched(two, car, SWITCHES)
+    plants |= {title: _switch(two, car, [title]) for title in SWITCHES}
+    plants["all of these"] = _switch(two, car, SWITCHES)
     runs = {title: _weave(p, u, period) for title, p in plants.items()}
     return Study(
         amplitude,

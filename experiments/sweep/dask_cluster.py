@@ -25,7 +25,7 @@ from steer_env.experiments.sweep.work import (
     differences,
     identity,
     identity_with,
-    perform,
+    perform_case,
 )
 from steer_env.friction.numerics.worker_process import ONE_THREAD, settle
 
@@ -46,7 +46,7 @@ def outcomes(tasks: Mapping[int, Task], where: Where) -> Iterator[Outcome]:
     """
     with _client(where) as client:
         _check(client, where, sorted({name for task in tasks.values() for name in task.modules}))
-        yield from _collected(client, tasks, where)
+        yield from _collect(client, tasks, where)
 
 
 def work(task: Task) -> Outcome:
@@ -58,7 +58,7 @@ def work(task: Task) -> Outcome:
     if worker.state.nthreads > 1:
         found = Outcome(task.number, failure=REFUSED, message=_threads(worker.state.nthreads))
     else:
-        found = perform(task)
+        found = perform_case(task)
     return found._replace(details=f"the worker {worker.address}") if found.failure == REFUSED else found
 
 
@@ -66,7 +66,7 @@ def _threads(count: int) -> str:
     return f"runs {count} cases at once in threads, which share one state: start it with --nthreads 1"
 
 
-def _described(modules: list[str], dask_worker: Any) -> dict[str, Any]:
+def _describe_worker(modules: list[str], dask_worker: Any) -> dict[str, Any]:
     """What a worker is, told by itself."""
     return {"threads": dask_worker.state.nthreads, "identity": identity_with(modules)}
 
@@ -98,7 +98,7 @@ def _client(where: Where) -> Iterator[Any]:
             )
         try:
             if place == where.cluster:
-                _knock(place)
+                _require_listener(place)
             client = stack.enter_context(Client(place, timeout=PATIENCE, set_as_default=False))
             client.wait_for_workers(1, timeout=PATIENCE)
         except TimeoutError:
@@ -114,7 +114,7 @@ def _client(where: Where) -> Iterator[Any]:
         yield client
 
 
-def _knock(address: str) -> None:
+def _require_listener(address: str) -> None:
     """OSError at once where nothing listens at an address, for which a client would wait twice its patience."""
     host, port = address.split("://")[-1].rsplit(":", 1)
     try:
@@ -146,7 +146,7 @@ def _check(client: Any, where: Where, modules: list[str]) -> None:
         client.run_on_scheduler(identity)  # the tasks pass through it, and it imports what they name
     except Exception as error:
         raise ValueError(f"the scheduler {where.cluster} cannot run this program ({error}): {SAME}; {KEPT}") from None
-    for address, found in client.run(_described, modules, on_error="return").items():
+    for address, found in client.run(_describe_worker, modules, on_error="return").items():
         if isinstance(found, BaseException):
             trouble = f"cannot run this program ({found}): {SAME}"
         elif found["threads"] > 1:
@@ -158,7 +158,7 @@ def _check(client: Any, where: Where, modules: list[str]) -> None:
         raise ValueError(f"the worker {address} {trouble}; {KEPT}")
 
 
-def _collected(client: Any, tasks: Mapping[int, Task], where: Where) -> Iterator[Outcome]:
+def _collect(client: Any, tasks: Mapping[int, Task], where: Where) -> Iterator[Outcome]:
     from distributed import as_completed
 
     prefix = f"steer-env-{time.time_ns():x}"
@@ -179,7 +179,7 @@ def _collected(client: Any, tasks: Mapping[int, Task], where: Where) -> Iterator
             continue
         for future, found in ready.next_batch(block=False):
             index = index_of.pop(future.key)
-            yield found if future.status == "finished" else _lost(index, future, found, where)
+            yield found if future.status == "finished" else _lost_outcome(index, future, found, where)
 
 
 def _workers(client: Any, where: Where) -> int:
@@ -192,7 +192,7 @@ def _workers(client: Any, where: Where) -> int:
     raise LostError(f"the cluster {where.cluster} went away; {KEPT}")
 
 
-def _lost(index: int, future: Any, found: Any, where: Where) -> Outcome:
+def _lost_outcome(index: int, future: Any, found: Any, where: Where) -> Outcome:
     """The outcome of a case that gave none: its workers died, or the cluster has gone."""
     if future.status != "error":
         return Outcome(index, failure=LostError.__name__, message=f"the cluster {where.cluster} went away; {KEPT}")

@@ -21,7 +21,7 @@ from steer_env.experiments.sweep.work import (
     folder_of,
     identity,
     name_of,
-    perform,
+    perform_case,
 )
 from steer_env.friction.numerics.worker_process import WorkersDiedError, end_processes, run_in_processes
 
@@ -95,12 +95,12 @@ def run(
         A case that raises any other exception, with the traceback of the worker.
     """
     cases = list(cases)
-    tasks, results = _prepared(name_of(function), cases, store, words, modules)
+    tasks, results = _pending_tasks(name_of(function), cases, store, words, modules)
     total, done, costs = len(cases), len(cases) - len(tasks), list(map(cost, cases))
     left, whole = sum(costs[number] for number in tasks), sum(costs)
     if done and tasks:
         notify((whole - left) / whole, f"{done} of {total} finished before")
-    with closing(_performed(tasks, where)) as outcomes:
+    with closing(_outcomes(tasks, where)) as outcomes:
         for outcome in outcomes:
             case = words(cases[outcome.number])
             if outcome.failure:
@@ -114,7 +114,7 @@ def run(
     return results
 
 
-def _performed(tasks: Mapping[int, Task], where: Where) -> Generator[Outcome, None, None]:
+def _outcomes(tasks: Mapping[int, Task], where: Where) -> Generator[Outcome, None, None]:
     """Outcomes as they come."""
     if where.cluster and tasks:
         from steer_env.experiments.sweep import dask_cluster
@@ -122,17 +122,17 @@ def _performed(tasks: Mapping[int, Task], where: Where) -> Generator[Outcome, No
         yield from dask_cluster.outcomes(tasks, where)
     elif where.workers > 1 and len(tasks) > 1:
         try:
-            with closing(run_in_processes(perform, [*tasks.values()], min(where.workers, len(tasks)))) as results:
+            with closing(run_in_processes(perform_case, [*tasks.values()], min(where.workers, len(tasks)))) as results:
                 yield from (outcome for _, outcome in results)
         except WorkersDiedError as error:
             raise LostError(f"{error} with --workers; {KEPT}") from None
         finally:
             end_processes()
     else:
-        yield from map(perform, tasks.values())
+        yield from map(perform_case, tasks.values())
 
 
-def _prepared(
+def _pending_tasks(
     name: str, cases: list[Any], store: Store | None, words: Callable[[Any], str], modules: Iterable[str]
 ) -> tuple[dict[int, Task], list[Any]]:
     """The tasks that are left to do by index, and a list with the results that are kept."""
@@ -142,7 +142,7 @@ def _prepared(
     program_of = functools.cache(identity)
     for index, case in enumerate(cases):
         try:
-            data, used = _pickled(case)
+            data, used = _pickle(case)
         except (pickle.PicklingError, AttributeError, TypeError) as error:
             raise ValueError(f"{words(case)} cannot be sent to a worker: {error}") from None
         own = tuple(sorted({*named, *filter(own_modules.is_own, used)}))
@@ -155,7 +155,7 @@ def _prepared(
     return tasks, results
 
 
-def _pickled(case: Any) -> tuple[bytes, set[str]]:
+def _pickle(case: Any) -> tuple[bytes, set[str]]:
     """A case as it goes to a worker, and the modules of the classes and functions in it."""
     modules: set[str] = set()
 

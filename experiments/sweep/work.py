@@ -99,7 +99,7 @@ def name_of(function: Callable[..., Any]) -> str:
     return f"{module}:{name}"
 
 
-def perform(task: Task) -> Outcome:
+def perform_case(task: Task) -> Outcome:
     """Work on a case; never raises, but for Ctrl-C and the like."""
     try:
         mine = identity_with(task.modules)

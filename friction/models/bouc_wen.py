@@ -21,7 +21,7 @@ saturation is cut back to it. The numbers of the equations are those of docs/mod
 from typing import NamedTuple
 
 from steer_env.friction import defaults
-from steer_env.friction.bristle import held
+from steer_env.friction.bristle import limit_deflection
 from steer_env.friction.law import register
 from steer_env.friction.numerics.check import number, positive
 from steer_env.friction.numerics.kernel import kernel
@@ -61,7 +61,7 @@ def torque(p, torque_scale, memory, w):
 @kernel
 def rate(p, torque_scale, memory, w, out):
     z_c = torque_scale * p.F_c / p.sigma_0
-    z = held(memory[0], z_c)  # a trial beyond saturation, which the power would make enormous, stays there
+    z = limit_deflection(memory[0], z_c)  # a trial beyond saturation, which the power would make enormous, stays there
     zeta = abs(z) / z_c
     level = zeta * zeta if p.n == 2.0 else zeta**p.n  # a power takes longer than all the rest
     out[0] = w * (1.0 - level if w * z > 0.0 else 1.0 + (2.0 * p.beta - 1.0) * level)  # (F16)
@@ -69,7 +69,7 @@ def rate(p, torque_scale, memory, w, out):
 
 @kernel
 def cut_back(p, torque_scale, memory):
-    memory[0] = held(memory[0], torque_scale * p.F_c / p.sigma_0)
+    memory[0] = limit_deflection(memory[0], torque_scale * p.F_c / p.sigma_0)
 
 
 @kernel

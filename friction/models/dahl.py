@@ -13,7 +13,7 @@ those of docs/model.md.
 from typing import NamedTuple
 
 from steer_env.friction import defaults
-from steer_env.friction.bristle import displaced, held, spring
+from steer_env.friction.bristle import limit_deflection, slide, spring
 from steer_env.friction.law import register
 from steer_env.friction.numerics.check import positive
 from steer_env.friction.numerics.kernel import kernel
@@ -39,12 +39,12 @@ def mean_torque(p, torque_scale, memory, w, h):
 @kernel
 def advance(p, torque_scale, memory, w, h):
     z_g = torque_scale * p.F_c / p.sigma_0
-    memory[0] = displaced(memory[0], z_g, z_g, w, h)
+    memory[0] = slide(memory[0], z_g, z_g, w, h)
 
 
 @kernel
 def torque(p, torque_scale, memory, w):
-    return p.sigma_0 * held(memory[0], torque_scale * p.F_c / p.sigma_0)  # (F3)
+    return p.sigma_0 * limit_deflection(memory[0], torque_scale * p.F_c / p.sigma_0)  # (F3)
 
 
 @kernel

@@ -25,7 +25,7 @@ import math
 from typing import NamedTuple
 
 from steer_env.friction import defaults
-from steer_env.friction.bristle import held
+from steer_env.friction.bristle import limit_deflection
 from steer_env.friction.law import register
 from steer_env.friction.numerics.check import not_negative, positive
 from steer_env.friction.numerics.kernel import kernel
@@ -91,7 +91,7 @@ def mean_torque(p, torque_scale, memory, w, h):
     z_c, b = torque_scale * p.F_c / p.sigma_0, torque_scale * (p.F_c - p.F_ba) / p.sigma_0
     side = math.copysign(1.0, w)
     x = abs(w) * h
-    z = side * held(memory[0], z_c)
+    z = side * limit_deflection(memory[0], z_c)
     change, area = bent(z, z_c, b, x)
     F = p.sigma_0 * (z + (area / x if x > 0.0 else 0.0)) + p.sigma_1 * change / h  # (F15)
     # in a short travel the difference of end and mean would cancel
@@ -104,15 +104,15 @@ def mean_torque(p, torque_scale, memory, w, h):
 def advance(p, torque_scale, memory, w, h):
     z_c, b = torque_scale * p.F_c / p.sigma_0, torque_scale * (p.F_c - p.F_ba) / p.sigma_0
     side = math.copysign(1.0, w)
-    z = side * held(memory[0], z_c)
+    z = side * limit_deflection(memory[0], z_c)
     change, _ = bent(z, z_c, b, abs(w) * h)
-    memory[0] = side * held(z + change, z_c)
+    memory[0] = side * limit_deflection(z + change, z_c)
 
 
 @kernel
 def torque(p, torque_scale, memory, w):
     z_c, b = torque_scale * p.F_c / p.sigma_0, torque_scale * (p.F_c - p.F_ba) / p.sigma_0
-    z = held(memory[0], z_c)
+    z = limit_deflection(memory[0], z_c)
     return p.sigma_0 * z + (p.sigma_1 * slope_of(math.copysign(1.0, w) * z, z_c, b) + p.sigma_2) * w  # (F15)
 
 

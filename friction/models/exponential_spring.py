@@ -18,7 +18,7 @@ numbers of the equations are those of docs/model.md.
 from typing import NamedTuple
 
 from steer_env.friction import defaults
-from steer_env.friction.bristle import decay, displaced, held, spring
+from steer_env.friction.bristle import decay, limit_deflection, slide, spring
 from steer_env.friction.law import register
 from steer_env.friction.numerics.check import not_negative, positive
 from steer_env.friction.numerics.kernel import kernel
@@ -58,14 +58,14 @@ def mean_torque(p, torque_scale, memory, w, h):
 @kernel
 def advance(p, torque_scale, memory, w, h):
     z_g = torque_scale * p.F_c / p.sigma_0
-    memory[0] = displaced(memory[0], z_g, z_g, w, h)
+    memory[0] = slide(memory[0], z_g, z_g, w, h)
     E, p1, _, _, _ = decay(h / (torque_scale * p.tau_m))
     memory[1] = memory[1] * E + h * w * p1  # (F20)
 
 
 @kernel
 def torque(p, torque_scale, memory, w):
-    return p.sigma_0 * held(memory[0], torque_scale * p.F_c / p.sigma_0) + p.k_m * memory[1]  # (F19)
+    return p.sigma_0 * limit_deflection(memory[0], torque_scale * p.F_c / p.sigma_0) + p.k_m * memory[1]  # (F19)
 
 
 @kernel

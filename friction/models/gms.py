@@ -105,7 +105,7 @@ def level(p, torque_scale, w):
 
 
 @kernel
-def _moved(p, torque_scale, memory, i, side, speed, h, s):
+def _move_element(p, torque_scale, memory, i, side, speed, h, s):
     """An element after ``h`` at constant speed (F22).
 
     Returns
@@ -142,7 +142,7 @@ def mean_torque(p, torque_scale, memory, w, h):
     dF = 0.0
     for i in range(p.k.size):
         a, da = p.alpha[i] * s, p.alpha[i] * ds
-        u, rising, bend, _ = _moved(p, torque_scale, memory, i, side, speed, h, s)
+        u, rising, bend, _ = _move_element(p, torque_scale, memory, i, side, speed, h, s)
         if rising >= h:
             F += u + 0.5 * p.k[i] * speed * h
             dF += 0.5 * p.k[i] * h
@@ -177,7 +177,7 @@ def advance(p, torque_scale, memory, w, h):
             memory[i] = within(memory[i], -limit, limit)
             continue
         a = p.alpha[i] * s
-        _, rising, bend, sticks = _moved(p, torque_scale, memory, i, side, speed, h, s)
+        _, rising, bend, sticks = _move_element(p, torque_scale, memory, i, side, speed, h, s)
         if rising < h:
             bend = a + (bend - a) * math.exp(-p.C * (h - rising) / s)  # (F22)
         memory[i] = side * bend

@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from steer_env.friction import defaults
-from steer_env.friction.bristle import decay, displaced, held
+from steer_env.friction.bristle import decay, limit_deflection, slide
 from steer_env.friction.law import register
 from steer_env.friction.numerics.check import flag, not_negative, positive
 from steer_env.friction.numerics.kernel import kernel
@@ -107,7 +107,7 @@ def saturation(p, torque_scale, w):
 @kernel
 def mean_torque(p, torque_scale, memory, w, h):
     G, dG = saturation(p, torque_scale, w)
-    z = held(memory[0], torque_scale * p.F_s / p.sigma_0)
+    z = limit_deflection(memory[0], torque_scale * p.F_s / p.sigma_0)
     X = p.sigma_0 * abs(w) * h / G  # (F8)
     dX = p.sigma_0 * h / G * (math.copysign(1.0, w) - abs(w) * dG / G)
     E, p1, p2, d1, d2 = decay(X)
@@ -122,13 +122,13 @@ def mean_torque(p, torque_scale, memory, w, h):
 @kernel
 def advance(p, torque_scale, memory, w, h):
     G, _ = saturation(p, torque_scale, w)
-    memory[0] = displaced(memory[0], G / p.sigma_0, torque_scale * p.F_s / p.sigma_0, w, h)
+    memory[0] = slide(memory[0], G / p.sigma_0, torque_scale * p.F_s / p.sigma_0, w, h)
 
 
 @kernel
 def torque(p, torque_scale, memory, w):
     G, _ = saturation(p, torque_scale, w)
-    z = held(memory[0], torque_scale * p.F_s / p.sigma_0)
+    z = limit_deflection(memory[0], torque_scale * p.F_s / p.sigma_0)
     z_rate = w - p.sigma_0 * abs(w) * z / G  # (F4)
     return p.sigma_0 * z + p.sigma_1 * z_rate + p.sigma_2 * w  # (F4)
 

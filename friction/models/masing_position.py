@@ -98,21 +98,21 @@ def _limit(p, i, torque_scale, position):
 
 
 @kernel
-def _held(p, i, torque_scale, memory):
+def _element_torque(p, i, torque_scale, memory):
     """What an element holds at its position [rad]; the torque scale may have fallen since the last step."""
     limit = _limit(p, i, torque_scale, memory[p.k.size])
     return within(memory[i], -limit, limit)
 
 
 @kernel
-def _moved(way, gap, kappa, first, last):
+def _element_travel(way, gap, kappa, first, last):
     """How far an element moves within a way (F41)."""
     return min(way, gap + kappa * (within(way, first, last) - first))
 
 
 @kernel
-def _mean_moved(a, b, gap, kappa, first, last):
-    """Integral of :func:`_moved` over the part of a way from ``a`` to ``b``, in which the level has one slope."""
+def _mean_element_travel(a, b, gap, kappa, first, last):
+    """Integral of :func:`_element_travel` from ``a`` to ``b`` of a way, where the level has one slope."""
     g_a = gap + kappa * (within(a, first, last) - first)
     g_b = gap + kappa * (within(b, first, last) - first)
     if b <= g_b:
@@ -135,15 +135,17 @@ def mean_torque(p, torque_scale, memory, w, h):
     T = 0.0
     slope = 0.0
     for i in range(p.k.size):
-        e = _held(p, i, torque_scale, memory)
+        e = _element_torque(p, i, torque_scale, memory)
         gap = _limit(p, i, torque_scale, position) - side * e
         kappa = side * _change(p, i, torque_scale) / half
         T += p.k[i] * e
         if way > 0.0:
-            mean = _mean_moved(0.0, a, gap, kappa, first, last) + _mean_moved(a, b, gap, kappa, first, last)
-            mean = (mean + _mean_moved(b, way, gap, kappa, first, last)) / way
+            mean = _mean_element_travel(0.0, a, gap, kappa, first, last) + _mean_element_travel(
+                a, b, gap, kappa, first, last
+            )
+            mean = (mean + _mean_element_travel(b, way, gap, kappa, first, last)) / way
             T += p.k[i] * side * mean
-            slope += p.k[i] * h * (_moved(way, gap, kappa, first, last) - mean) / way
+            slope += p.k[i] * h * (_element_travel(way, gap, kappa, first, last) - mean) / way
         elif gap > 0.0:
             slope += 0.5 * h * p.k[i]
         elif first == 0.0 < last:
@@ -155,7 +157,7 @@ def mean_torque(p, torque_scale, memory, w, h):
 def advance(p, torque_scale, memory, w, h):
     n = p.k.size
     for i in range(n):
-        e = _held(p, i, torque_scale, memory)
+        e = _element_torque(p, i, torque_scale, memory)
         limit = _limit(p, i, torque_scale, memory[n] + w * h)
         memory[i] = within(e + w * h, -limit, limit)
     memory[n] += w * h
@@ -165,7 +167,7 @@ def advance(p, torque_scale, memory, w, h):
 def torque(p, torque_scale, memory, w):
     T = 0.0
     for i in range(p.k.size):
-        T += p.k[i] * _held(p, i, torque_scale, memory)
+        T += p.k[i] * _element_torque(p, i, torque_scale, memory)
     return T
 
 

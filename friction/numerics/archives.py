@@ -27,7 +27,7 @@ class DamagedError(ValueError):
 
 
 @contextmanager
-def opened(path: Path, kind: str) -> Iterator[zipfile.ZipFile]:
+def open_archive(path: Path, kind: str) -> Iterator[zipfile.ZipFile]:
     """A zip archive to read; DamagedError where it is damaged, now or while it is read, OSError where there is none.
 
     ``kind`` says in words what the file should be.

@@ -1,6 +1,6 @@
 """Where machine code is kept between processes: one folder for each kernel, signature and state of its sources.
 
-The folder's name holds the stamp of all that the code depends on (:mod:`steer_env.friction.numerics.stamp`), so
+The folder's name holds the hash of all that the code depends on (:mod:`steer_env.friction.numerics.source_hash`), so
 nothing stale is ever found, and checkouts and versions share one parent folder. Of processes that need the same kernel
 at once, one compiles it and the others wait; numba writes each file under a temporary name and renames it. A folder for
 each signature is needed: two processes that add different signatures to one index of numba's can exchange their machine
@@ -24,7 +24,7 @@ import numba
 import platformdirs
 from filelock import FileLock, Timeout
 
-from steer_env.friction.numerics.stamp import stamp
+from steer_env.friction.numerics.source_hash import source_hash
 
 try:  # numba compiles under this lock, and a lock of our own beside it could block two threads for good
     from numba.core.compiler_lock import global_compiler_lock as _lock
@@ -52,7 +52,7 @@ def say(subject: str, line: str) -> None:
     _said.add(subject)
 
 
-def spent() -> float:
+def compile_seconds() -> float:
     """Time that this process has compiled so far [s]."""
     return _spent
 
@@ -63,11 +63,11 @@ def parent() -> Path:
 
 
 def folder_of(kernel: Any, signature: tuple, compiler: str) -> Path | None:
-    """Folder of a kernel's machine code; None where it cannot be stamped or no folder is writable."""
+    """Folder of a kernel's machine code; None where it has no source hash or no folder is writable."""
     function = kernel.py_func
     try:
         name = re.sub(r"[^\w.]", "_", f"{function.__module__}.{function.__qualname__}")
-        folder = parent() / name / stamp(kernel, signature, compiler)[:32]
+        folder = parent() / name / source_hash(kernel, signature, compiler)[:32]
         new = not folder.is_dir()
         folder.mkdir(parents=True, exist_ok=True)
         with TemporaryFile(dir=folder):
@@ -113,7 +113,7 @@ def compile_cached(kernel: Any, signature: tuple, compile: Callable[[tuple], Any
         _choose(kernel, folder)
         _depth += 1
         try:
-            with _announced(kernel, folder), _alone(folder), _no_collection():
+            with _announce(kernel, folder), _alone(folder), _no_collection():
                 return _carefully(kernel, signature, compile, folder)
         finally:
             _depth -= 1
@@ -182,7 +182,7 @@ def _no_collection() -> Iterator[None]:
 
 
 @contextmanager
-def _announced(kernel: Any, folder: Path | None) -> Iterator[None]:
+def _announce(kernel: Any, folder: Path | None) -> Iterator[None]:
     """Say what takes so long, if it does: that a kernel is compiled rather than read from the cache."""
     global _spent
     if _depth > 1:

@@ -132,7 +132,7 @@ def numbers(name: str, values: Any) -> NDArray[np.float64]:
     return result
 
 
-def constructed(what: str, make: Callable[..., Any], given: Mapping[str, Any]) -> Any:
+def construct(what: str, make: Callable[..., Any], given: Mapping[str, Any]) -> Any:
     """``make(**given)``, if these are its parameters.
 
     Raises

@@ -22,7 +22,7 @@ from numba.extending import overload
 
 from steer_env.friction.numerics import cache
 from steer_env.friction.numerics.frozen import frozen
-from steer_env.friction.numerics.stamp import POINTS
+from steer_env.friction.numerics.source_hash import POINTS
 
 COMPILED = not numba.config.DISABLE_JIT  # type: ignore[attr-defined]  # False: kernels are plain Python
 
@@ -71,7 +71,7 @@ def kernel(function: Callable) -> Any:
     return _dispatcher(function, forceinline=True) if COMPILED else function
 
 
-def apart(function: Callable) -> Any:
+def separate_kernel(function: Callable) -> Any:
     """A kernel that stays a function of its own in compiled callers: translated once, whatever calls it."""
     return _dispatcher(function, forceinline=False) if COMPILED else function
 

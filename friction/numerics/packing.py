@@ -2,8 +2,8 @@
 
 A ``NamedTuple`` of parameters, with tuples and arrays within it, becomes two arrays of floats in the order of the
 fields: the numbers, which each row of a batch and each instance of an FMU has of its own, and the tables, which all of
-them share, as they are too large for a copy each. A class whose values are tables is marked by :func:`shared`. Nothing
-here knows a law, a car or a chassis: a new one is packed as it is.
+them share, as they are too large for a copy each. A class whose values are tables is marked by
+:func:`mark_as_tables`. Nothing here knows a law, a car or a chassis: a new one is packed as it is.
 """
 
 import hashlib
@@ -29,7 +29,7 @@ _shared: set[type] = set()
 _common: dict[type, tuple[str, ...]] = {}
 
 
-def shared(kind: Class) -> Class:
+def mark_as_tables(kind: Class) -> Class:
     """Mark a class of parameters as tables."""
     _shared.add(kind)
     return kind
@@ -147,13 +147,13 @@ def common_columns(parameters: Any) -> NDArray[np.int64]:
     return np.array(found)
 
 
-def outline(parameters: Any) -> Any:
+def structure(parameters: Any) -> Any:
     """The parameters with None for every float among the numbers: a template for :func:`of_row`.
 
     A call from Python hands over a tuple leaf by leaf; floats that :func:`of_row` replaces would take most of its time.
     """
     if isinstance(parameters, tuple) and type(parameters) not in _shared:
-        members = [outline(member) for member in parameters]
+        members = [structure(member) for member in parameters]
         return type(parameters)(*members) if hasattr(parameters, "_fields") else tuple(members)
     return None if isinstance(parameters, float) else parameters
 
@@ -161,7 +161,7 @@ def outline(parameters: Any) -> Any:
 def of_row(template, rows, i):
     """The parameters of row ``i``: a template with the numbers (N,) of ``rows[i]``, and its own tables.
 
-    The template may be an :func:`outline`. Compiled code assembles the parameters in registers, so that the kernels
+    The template may be an :func:`structure`. Compiled code assembles the parameters in registers, so that the kernels
     receive the same tuple as of parameters alone.
     """
     return _filled(template, iter(leaves(template)), rows[i])
@@ -245,14 +245,14 @@ def _of_row(typing_context, template, rows, i):  # numba's form of a function th
     return _filled_type(template)(template, rows, types.intp), generate
 
 
-def _beside_type(kind: Any, same: bool = False) -> Any:
+def _four_rows_type(kind: Any, same: bool = False) -> Any:
     """The numba type of what :func:`of_rows` makes of a template; ``same`` where all rows have one value."""
     if isinstance(kind, types.BaseTuple):
         made_of = getattr(kind, "instance_class", None)
         if made_of in _shared:
             return kind
         names, marked = getattr(kind, "fields", range(len(kind))), _common.get(made_of or object, ())
-        members = [_beside_type(member, name in marked) for name, member in zip(names, kind)]  # type: ignore[call-overload]
+        members = [_four_rows_type(member, name in marked) for name, member in zip(names, kind)]  # type: ignore[call-overload]
         return types.BaseTuple.from_types(members, made_of)
     number = types.float64 if kind == types.none else kind
     if same:
@@ -301,7 +301,7 @@ def _of_rows(typing_context, template, rows, four):
         filled = rebuilt(signature.return_type, arguments[0])
         return impl_ret_borrowed(context, builder, signature.return_type, filled)
 
-    return _beside_type(template)(template, rows, four), generate
+    return _four_rows_type(template)(template, rows, four), generate
 
 
 def _row(template, rows, i):
@@ -316,7 +316,7 @@ dispatch(of_row, lambda kind, _: _row)
 dispatch(of_rows, lambda kind, _: _four_rows)
 
 
-class _Place(NamedTuple):
+class _LeafAddress(NamedTuple):
     """Where compiled code finds a leaf; the shapes are constants of the code."""
 
     table: bool
@@ -336,7 +336,7 @@ class Floats(types.CPointer):
         self.value_type = numba.typeof(template)
         self.parts = (self.value_type,)  # which the cache of the kernels looks at
         self.places = tuple(
-            _Place(leaf.table, leaf.start, value.shape, value.strides, value.itemsize)
+            _LeafAddress(leaf.table, leaf.start, value.shape, value.strides, value.itemsize)
             for leaf in leaves(template)
             for value in (np.asarray(leaf.value),)
         )

@@ -14,7 +14,7 @@ def _same(file: str) -> str:
     return file
 
 
-def dashed(file: str) -> str:
+def with_dashes(file: str) -> str:
     """``step_steer`` -> ``step-steer``, as the command line names manoeuvres."""
     return file.replace("_", "-")
 
@@ -24,7 +24,7 @@ def camel_case(file: str) -> str:
     return "".join(part.capitalize() for part in file.split("_"))
 
 
-def listed(package: str, name_of: Callable[[str], str] = _same) -> dict[str, str]:
+def modules_by_name(package: str, name_of: Callable[[str], str] = _same) -> dict[str, str]:
     """Name of each thing in a folder -> name of its module, in alphabetical order; no module is imported."""
     folder = importlib.import_module(package).__path__
     files = sorted(module.name for module in pkgutil.iter_modules(folder) if module.name != "common")
@@ -55,7 +55,7 @@ class Registry(Generic[T]):
 
     def _files(self) -> dict[str, str]:
         """Name of each thing in the folder -> name of its module."""
-        return listed(self.package, self._name_of)
+        return modules_by_name(self.package, self._name_of)
 
     def available(self) -> tuple[str, ...]:
         """Names in alphabetical order."""

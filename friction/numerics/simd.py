@@ -10,7 +10,7 @@ What a reader must know:
   number, whatever the other lanes hold. A plain number that meets a vector counts for all lanes.
 * **A condition is a mask** with a truth value for each lane; of plain numbers it is a bool. :func:`where` selects
   results by it. A kernel takes a branch if :func:`any_of` the lanes needs it; the branch must leave the results of the
-  other lanes as they are. ``&`` and ``|`` join conditions, :func:`negated` reverses one. Of a plain number
+  other lanes as they are. ``&`` and ``|`` join conditions, :func:`invert` reverses one. Of a plain number
   ``any_of(c)`` is ``c``, so that a branch of one car is a branch.
 * **An iteration** goes on while :func:`any_of` the lanes needs it, and keeps the values of those that are done.
 * **abs and the functions of math** act on each lane as on a number, to the bit: those that are not one instruction are
@@ -19,7 +19,7 @@ What a reader must know:
 * **Wheels.** :func:`pack` puts four wheels side by side: four numbers make a vector of four lanes, four vectors of cars
   one of four times the lanes, wheel by wheel. A vector of cars that meets one of wheels counts for each wheel.
   :func:`load` and :func:`store` do so with consecutive elements of an array.
-* **Tables** are read at :func:`place`, an index that differs by lane. Rows of arrays (``Rows``, of
+* **Tables** are read at :func:`as_index`, an index that differs by lane. Rows of arrays (``Rows``, of
   :func:`steer_env.friction.numerics.packing.of_rows`) give each lane the element of its own row. :func:`load` at such
   an index takes four consecutive elements for each car, car by car; :func:`spread` repeats numbers of cars to match
   and :func:`unpack_cars` gives the four, each with a lane for each car.
@@ -89,7 +89,7 @@ def store(array: Any, i: Any, x: Any) -> None:
 
 
 @kernel
-def beside(array, size, rows, block):
+def interleave(array, size, rows, block):
     """Copy ``size`` numbers, at least four, of each of four rows of a contiguous array to a block of vectors."""
     for k in range(0, size, 4):
         at = minimum(k, size - 4)  # the last four may be copied twice
@@ -98,15 +98,15 @@ def beside(array, size, rows, block):
 
 
 @kernel
-def apart(block, size, rows, array):
-    """The reverse of :func:`beside`."""
+def deinterleave(block, size, rows, array):
+    """The reverse of :func:`interleave`."""
     for k in range(0, size, 4):
         at = minimum(k, size - 4)
         a, b, c, d = unpack_cars(load(block, at))
         store(array, rows * size + at, pack(a, b, c, d))
 
 
-def place(x: Any) -> Any:
+def as_index(x: Any) -> Any:
     """A whole number as an index, which may differ by lane."""
     return int(x)
 
@@ -128,7 +128,7 @@ def all_of(condition: Any) -> Any:
     return condition if isinstance(condition, bool | np.bool_) else np.all(condition)
 
 
-def negated(condition: Any) -> Any:
+def invert(condition: Any) -> Any:
     """Where the condition does not hold."""
     return np.logical_not(condition)
 
@@ -389,10 +389,10 @@ if COMPILED:
     _define_plain(where, types.boolean, (types.Boolean, types.Boolean, types.Boolean), ir.IRBuilder.select)
     _define(any_of, types.boolean, (Mask,), _any)
     _define(all_of, types.boolean, (Mask,), _all)
-    _define(negated, Mask, (Mask,), ir.IRBuilder.not_)
+    _define(invert, Mask, (Mask,), ir.IRBuilder.not_)
     _define_plain(any_of, types.boolean, (types.Boolean,), _itself)
     _define_plain(all_of, types.boolean, (types.Boolean,), _itself)
-    _define_plain(negated, types.boolean, (types.Boolean,), ir.IRBuilder.not_)
+    _define_plain(invert, types.boolean, (types.Boolean,), ir.IRBuilder.not_)
     for _function, _generate in ((minimum, _smaller), (maximum, _larger)):
         _define(_function, Wide, (Wide, Wide), _generate)
         _define(_function, Places, (Places, Places), _generate)
@@ -556,11 +556,11 @@ if COMPILED:
         build.store(x, _address(context, build, kind.args[0], array, i, kind.args[2]), align=8)
         return context.get_dummy_value()
 
-    _typed(place, 1, lambda x: Places(x.lanes)(x) if isinstance(x, Wide) else None)
-    _typed(place, 1, lambda x: types.intp(types.float64) if isinstance(x, types.Number) else None)
+    _typed(as_index, 1, lambda x: Places(x.lanes)(x) if isinstance(x, Wide) else None)
+    _typed(as_index, 1, lambda x: types.intp(types.float64) if isinstance(x, types.Number) else None)
 
-    @lower_builtin(place, types.float64)
-    @lower_builtin(place, Wide)
+    @lower_builtin(as_index, types.float64)
+    @lower_builtin(as_index, Wide)
     def _place(context, build, signature, arguments):
         return build.fptosi(arguments[0], context.get_value_type(signature.return_type))
 

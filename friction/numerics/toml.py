@@ -11,7 +11,7 @@ if sys.version_info >= (3, 11):
 else:
     from tomli import TOMLDecodeError, load, loads
 
-__all__ = ["TOMLDecodeError", "load", "loads", "parsed", "read", "text"]
+__all__ = ["TOMLDecodeError", "load", "loads", "parse_file", "read", "text"]
 
 
 def text(path: str | PathLike[str]) -> str:
@@ -22,7 +22,7 @@ def text(path: str | PathLike[str]) -> str:
         raise ValueError(f"{path}: expected text in UTF-8") from None
 
 
-def parsed(path: str | PathLike[str], content: str | bytes, parse: Callable[[Any], Any]) -> Any:
+def parse_file(path: str | PathLike[str], content: str | bytes, parse: Callable[[Any], Any]) -> Any:
     """``parse(content)``; ValueError names the file and, as the parsers do, the line of an error."""
     try:
         return parse(content)
@@ -42,4 +42,4 @@ def read(path: str | PathLike[str], parse: Callable[[str], Any] = loads) -> Any:
     OSError
         If the file cannot be opened.
     """
-    return parsed(path, text(path), parse)
+    return parse_file(path, text(path), parse)

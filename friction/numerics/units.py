@@ -44,7 +44,7 @@ def of_process(kind: Any) -> Any:
         raise TypeError(f"{kind.__name__} holds addresses of this process: bind its parameters anew in another one")
 
     kind.__reduce__ = refused
-    return packing.shared(kind)
+    return packing.mark_as_tables(kind)
 
 
 @of_process
@@ -228,7 +228,7 @@ between: Any = _between if COMPILED else lambda array, table, i, k: array[table[
 
 
 @kernel
-def remembered(unit):
+def memory_size(unit):
     """How many floats a unit remembers."""
     return unit.code.sizes[0]
 
@@ -366,7 +366,7 @@ class LinkedType(types.Type):
         self.made = types.NamedTuple(of_each, type(self.given))
         cells = [cell for each in self.given if isinstance(each, tuple) for row in each for cell in row]
         self.parts = [kind for function, parameters in cells for kind in function.types(parameters, False)]
-        super().__init__(f"Linked({[_described(each) for each in self.given]})")
+        super().__init__(f"Linked({[_common_description(each) for each in self.given]})")
 
     @property
     def key(self) -> Any:
@@ -397,7 +397,7 @@ class LinkedType(types.Type):
         return _array(context, builder, kind, memory, [WORD(len(rows)), WORD(columns)])[0]
 
 
-def _described(each: Any) -> Any:
+def _common_description(each: Any) -> Any:
     """What two linked tables of one type have in common."""
     if isinstance(each, int):
         return each

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from steer_env.assists.common.definition import Array, Baseline, register
-from steer_env.assists.common.linear import Response, sampled, slopes
+from steer_env.assists.common.linear import Response, discretise, slopes
 from steer_env.friction.numerics.check import number, positive
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle.cars import Car
@@ -70,7 +70,7 @@ def loops(car: Car, H: "control.StateSpace", slope: float, speed: float) -> Loop
     return Loops(
         -response(linear.answer(car.assist, slope), fast) * plant,
         -response(H, fast**n) * hold * plant,
-        -response(H, slow) * response(sampled(car, slope, speed, dt), slow),
+        -response(H, slow) * response(discretise(car, slope, speed, dt), slow),
     )
 
 

@@ -1,10 +1,10 @@
 """LQG: the hand torque follows the reference feel by a linear-quadratic-Gaussian controller.
 
-The model is the assisted column between control steps (:func:`steer_env.assists.common.linear.sampled`) with state x.
-Its inputs are the request u, the handwheel speed w1 and the torque d of rack and friction on the column. w1 and d are
-modelled as random walks, so that the estimate of d gives integral action. A Kalman filter estimates x, w1 and d from
-the torsion bar's torque T and the column speed. Around the steady state (x_s, u_s) in which T equals the reference r
-under these w1 and d, the regulator minimises the sum of (T - r)^2 + (effort (u - u_s))^2:
+The model is the assisted column between control steps (:func:`steer_env.assists.common.linear.discretise`) with state
+x. Its inputs are the request u, the handwheel speed w1 and the torque d of rack and friction on the column. w1 and d
+are modelled as random walks, so that the estimate of d gives integral action. A Kalman filter estimates x, w1 and d
+from the torsion bar's torque T and the column speed. Around the steady state (x_s, u_s) in which T equals the reference
+r under these w1 and d, the regulator minimises the sum of (T - r)^2 + (effort (u - u_s))^2:
 
     (A - I) x_s + B_u u_s = -B_w w1 - B_d d,    C_T x_s = r,    u = u_s - K (x - x_s)
 
@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 
 from steer_env.assists.common.definition import Array, register
-from steer_env.assists.common.linear import Linear, LinearBaseline, sampled
+from steer_env.assists.common.linear import Linear, LinearBaseline, discretise
 from steer_env.assists.common.reference_feel import Feel
 from steer_env.episode.randomise import SENSOR_NOISE
 from steer_env.friction.numerics.check import not_negative, number, positive
@@ -96,7 +96,7 @@ class LQG(LinearBaseline):
         import control
 
         car = self.batch.car
-        plant = sampled(car, boost_gain(car.assist, self.linearised_at, speed), speed, self.control_dt)
+        plant = discretise(car, boost_gain(car.assist, self.linearised_at, speed), speed, self.control_dt)
         n = len(plant.A)
         A, B, T = plant.A, plant.B[:, :1], plant.C[:1]
         K, _, _ = control.dlqr(A, B, T.T @ T, np.array([[self.effort**2]]))

@@ -108,7 +108,7 @@ def _comments(owner: type) -> dict[str, tuple[str, str]]:
     return found
 
 
-def described(leaf: Leaf, field: str, owner: type | None) -> tuple[str, str]:
+def comment_and_unit(leaf: Leaf, field: str, owner: type | None) -> tuple[str, str]:
     """What the comment beside a field says, and its unit."""
     text, unit = _comments(owner).get(field, ("", "")) if owner else ("", "")
     law = LAWS.of(owner)
@@ -124,7 +124,7 @@ def _key(name: str, field: str, unit: str) -> tuple[str, Key] | None:
     return (named, found) if found is not None and found.unit == unit else None
 
 
-def _place(subsystem: Subsystem, name: str) -> str:
+def _table_position(subsystem: Subsystem, name: str) -> str:
     """Where in a table of the assist a parameter stands, as the end of a sentence."""
     if curve := re.fullmatch(r"assist\.motor\.torques\[(\d+)\]", name):
         return f"; at {subsystem.parameters.assist.motor.speeds[int(curve[1]) - 1]:.4g} rad/s"
@@ -183,7 +183,7 @@ def _parameters(subsystem: Subsystem) -> Iterator[Variable]:
         if at_site and not sites.acts(subsystem.parameters.friction, *path):
             continue
         for name, field, owner, place, value in _elements(leaf):
-            text, unit = described(leaf, field, owner)
+            text, unit = comment_and_unit(leaf, field, owner)
             if owner is WheelRoad:
                 bounds = _ROAD[field.partition("_")[0]]
                 yield Variable(f"road_{field}", unit, text, "NUMBERS", place, "INPUT", False, value, *bounds)
@@ -199,7 +199,7 @@ def _parameters(subsystem: Subsystem) -> Iterator[Variable]:
                 text = f"{' '.join(name.split('.')[2:-1]).replace('_', ' ')}: {text}"
             if at_site:
                 text = f"{path[0].replace('_', ' ')}: {text}"
-            text += _place(subsystem, name)
+            text += _table_position(subsystem, name)
             bounds = _bounds(subsystem, name, unit, key and key[1], value)
             yield Variable(name, unit, text, "NUMBERS", place, use, False, value, *bounds)
 

@@ -50,7 +50,7 @@ class Course(NamedTuple):
         return self.gates[-1].end
 
 
-class Outline(NamedTuple):
+class Footprint(NamedTuple):
     """The car seen from above: a rectangle."""
 
     length: float  # [m]
@@ -58,13 +58,13 @@ class Outline(NamedTuple):
     centre: float  # distance of the rectangle's centre ahead of the centre of gravity [m]
 
 
-def outline(car: Car) -> Outline:
+def footprint(car: Car) -> Footprint:
     """Overall size of a car around its centre of gravity, with equal overhangs; assumed.
 
     Without a ``length`` or ``width`` in the car's data, the wheelbase or the wider track plus an assumed value is used.
     """
     c = car.chassis
-    return Outline(
+    return Footprint(
         c.get("length", c["front_axle"] + c["rear_axle"] + OVERHANGS),
         c.get("width", max(c["front_track"], c["rear_track"]) + TYRE_WIDTH),
         0.5 * (c["front_axle"] - c["rear_axle"]),
@@ -129,7 +129,7 @@ def _row(gate: Gate, spacing: float) -> Array:
     return np.linspace(gate.start, gate.end, math.ceil((gate.end - gate.start) / spacing) + 1)
 
 
-def cone_margins(cones: Array, car: Outline, x: Array, y: Array, yaw: Array) -> Array:
+def cone_margins(cones: Array, car: Footprint, x: Array, y: Array, yaw: Array) -> Array:
     """Distances of cones from the car's outline, negative inside it.
 
     Parameters
@@ -159,7 +159,7 @@ STRAIGHT = 300.0  # length of the straight lines before and after that [m]
 KEPT_CLEARANCE = 0.5  # share of a lane's clearance beside the car that the path keeps, assumed [1]
 
 
-def path(course: Course, car: Outline) -> Array:
+def path(course: Course, car: Footprint) -> Array:
     """The smoothest path of the centre of gravity that takes the car's outline through the gates.
 
     The path minimises the integral of y'''^2 over x, which gives a quintic spline. The outline lies along the path's

@@ -25,7 +25,7 @@ from steer_env.friction import sites
 from steer_env.friction.numerics.check import number, whole
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.kernel import bind
-from steer_env.friction.numerics.packing import numbers, outline
+from steer_env.friction.numerics.packing import numbers, structure
 from steer_env.friction.numerics.thread_pool import ThreadPool
 from steer_env.manoeuvres.common.driving import sine_response
 from steer_env.tasks.common.definition import (
@@ -171,7 +171,7 @@ class EnvironmentBatch:
         fours = self.n >= 4 and plant.side_by_side(self._template)
         drawn = (self._template.friction, *(corner.friction for corner in self._randomise.corners))
         most = max(drawn, key=sites.active)  # a site may be without friction where nothing is drawn
-        self._outline = outline(plant.bound(self._template._replace(friction=most), wide=fours))
+        self._outline = structure(plant.bound(self._template._replace(friction=most), wide=fours))
         self._advance = bind(advance_fours if fours else advance, a, at, self._outline, True, True, 0, self.n)
         begin = plant.begin_fours if fours else plant.begin_rows
         self._begin = bind(begin, self._outline, a.plants, a.states, np.zeros(self.n, int), 0, self.n)

@@ -41,7 +41,7 @@ def plain(value: Any) -> Any:
 
 def _law(value: Any) -> Any:
     """A law that a file holds as its mapping, so that a specification does not depend on the file."""
-    return friction.as_mapping(friction.resolve(value)) if fitted_file.named(value) else value
+    return friction.as_mapping(friction.resolve(value)) if fitted_file.is_file_name(value) else value
 
 
 class PlainSpecification:

@@ -102,7 +102,7 @@ def _digest(values: Sequence[Any]) -> str:
     return found.hexdigest()[:8]
 
 
-def copied(batch: EnvironmentBatch, generators: Generators | None) -> State:
+def copy_state(batch: EnvironmentBatch, generators: Generators | None) -> State:
     """The state of a batch, with the random generators of its rows or without."""
     arrays = {name: np.array(values) for name, values in batch.arrays._asdict().items() if name != "episodes"}
     arrays |= {"episodes": batch.episodes.copy(), "over": batch.over.copy(), "noise_factor": batch.noise.factor.copy()}

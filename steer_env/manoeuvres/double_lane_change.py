@@ -40,7 +40,7 @@ def lane_change_manoeuvre(
         # Here, because the import of python-control takes longer than the start of an environment.
         from steer_env.drivers.common import lq
 
-        size = iso3888.outline(car)
+        size = iso3888.footprint(car)
         path = iso3888.path(iso3888.course(name, size.width, edition, mirrored), size)
         return lq.preview(car, p, path + np.array([APPROACH, 0.0]), **driver)
 

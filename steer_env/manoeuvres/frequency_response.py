@@ -3,7 +3,7 @@
 import numpy as np
 
 from steer_env.manoeuvres.common.definition import Array, Manoeuvre, register
-from steer_env.manoeuvres.common.shapes import eased
+from steer_env.manoeuvres.common.shapes import ease_clock
 
 START, EASE, REST = 1.0, 0.5, 3.0  # straight ahead, smooth start and end of a sweep, straight ahead after it [s]
 
@@ -37,7 +37,7 @@ def frequency_response(
     def hand(t: Array, amplitude: float) -> tuple[Array, Array]:
         angle, speed = np.zeros_like(t), np.zeros_like(t)
         for i in range(sweeps):
-            clock, rate = eased(t - START - i * each, duration, EASE)
+            clock, rate = ease_clock(t - START - i * each, duration, EASE)
             phase = 2.0 * np.pi * (lowest + 0.5 * climb * clock) * clock
             angle += amplitude * np.sin(phase)
             speed += amplitude * np.cos(phase) * 2.0 * np.pi * (lowest + climb * clock) * rate

@@ -3,7 +3,7 @@
 import numpy as np
 
 from steer_env.manoeuvres.common.definition import Array, Manoeuvre, half_span, register
-from steer_env.manoeuvres.common.shapes import eased
+from steer_env.manoeuvres.common.shapes import ease_clock
 
 START, EASE, REST = 1.0, 0.2, 3.0  # straight ahead, smooth start and end of the sine, straight ahead after it [s]
 
@@ -17,7 +17,7 @@ def sine(frequency: float = 0.5, cycles: int = 3, repeats: int = 1) -> Manoeuvre
     def hand(t: Array, amplitude: float) -> tuple[Array, Array]:
         angle, speed = np.zeros_like(t), np.zeros_like(t)
         for i in range(repeats):
-            clock, rate = eased(t - START - i * each, cycles / frequency, EASE)
+            clock, rate = ease_clock(t - START - i * each, cycles / frequency, EASE)
             angle += amplitude * np.sin(omega * clock)
             speed += amplitude * omega * np.cos(omega * clock) * rate
         return angle, speed

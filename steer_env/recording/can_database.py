@@ -195,7 +195,7 @@ class Column(NamedTuple):
         if signal.scale == 0:
             raise ValueError(f"the scale of {self.label} is 0")
         with np.errstate(invalid="ignore", over="ignore"):  # of floating-point numbers that are none
-            there, raw = selected(self.message, signal, data, size), raw_values(signal, data)
+            there, raw = contains_signal(self.message, signal, data, size), raw_values(signal, data)
             values = raw * float(signal.scale) + float(signal.offset)
             low, high = self.limits
             beyond = f"beyond [{signal.minimum:g}|{signal.maximum:g}]" if np.isfinite((low, high)).any() else ""
@@ -211,14 +211,14 @@ class Column(NamedTuple):
         return there, found, told.get(NO_VALUE, {}).get(self.label, {})
 
 
-def selected(message: Message, signal: Any, data: np.ndarray, size: np.ndarray) -> np.ndarray:
+def contains_signal(message: Message, signal: Any, data: np.ndarray, size: np.ndarray) -> np.ndarray:
     """Whether frames (F,) are long enough for a signal and its multiplexer, if it has one, selects it."""
     there = np.asarray(size >= bytes_of(signal))
     switch = next((one for one in message.signals if one.name == signal.multiplexer_signal), None)
     if switch is None or signal.multiplexer_ids is None:
         return there
     chosen = np.isin(raw_values(switch, data), signal.multiplexer_ids)
-    return there & chosen & selected(message, switch, data, size)
+    return there & chosen & contains_signal(message, switch, data, size)
 
 
 def _words(name: str) -> str:
@@ -233,7 +233,7 @@ def _raw_range(signal: Any) -> tuple[int, int]:
     return (-half, half - 1) if signal.is_signed else (0, 2 * half - 1)
 
 
-def _place(signal: Any) -> tuple[int, int, int]:
+def _bit_range(signal: Any) -> tuple[int, int, int]:
     """The first and the last byte of a signal, and how many bits of the last significant one stand below it."""
     if signal.byte_order == "little_endian":
         return signal.start // 8, (signal.start + signal.length - 1) // 8, signal.start % 8
@@ -244,12 +244,12 @@ def _place(signal: Any) -> tuple[int, int, int]:
 
 def bytes_of(signal: Any) -> int:
     """How many bytes a frame has at least that holds a signal."""
-    return _place(signal)[1] + 1
+    return _bit_range(signal)[1] + 1
 
 
 def raw_values(signal: Any, data: np.ndarray) -> np.ndarray:
     """The raw values (F,) of a signal in the bytes (F, B) of frames, of which each has all that the signal needs."""
-    first, last, below = _place(signal)
+    first, last, below = _bit_range(signal)
     if signal.length > LONGEST or (signal.is_float and signal.length not in (16, 32, 64)):
         kind = "floating-point " if signal.is_float else ""
         raise ValueError(f"{kind}signal {signal.name} has {signal.length} bits, which is not read")
@@ -358,7 +358,7 @@ def _messages(path: str | PathLike[str], left: dict[str, str]) -> list[Any]:
         raise ValueError(f"{path} cannot be read as a CAN database: {' '.join(str(error).split())}") from None
 
 
-def _widened(found: re.Match[str]) -> str:
+def _extended_identifier(found: re.Match[str]) -> str:
     """An identifier with the mark of one of 29 bits if it has more than 11, which a standard one cannot have."""
     frame_id = int(found[2])
     return found[1] + str(frame_id | 1 << 31 if 0x7FF < frame_id < 1 << 29 else frame_id)
@@ -380,7 +380,7 @@ def _in_parts(text: str, parse: Callable[..., Any], left: dict[str, str]) -> lis
             return False
         return True
 
-    for part in STATEMENT.split(IDENTIFIER.sub(_widened, text)):
+    for part in STATEMENT.split(IDENTIFIER.sub(_extended_identifier, text)):
         kind, *words = re.findall(r"\w+", part.partition("\n")[0]) or [""]
         if kind == "BO_":
             blocks.append([part])

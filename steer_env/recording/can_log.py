@@ -41,7 +41,7 @@ import numpy as np
 
 from steer_env.friction.numerics.check import did_you_mean
 from steer_env.recording import can_database, own_process
-from steer_env.recording.can_database import Message, group_of, identifier, selected
+from steer_env.recording.can_database import Message, contains_signal, group_of, identifier
 from steer_env.recording.channel_mapping import SIGNED
 from steer_env.recording.table import (
     MOST_DOUBLED,
@@ -52,7 +52,7 @@ from steer_env.recording.table import (
     Values,
     between,
     in_common,
-    last_of_stamp,
+    last_of_each_time,
     tell,
 )
 from steer_env.recording.units import parse_unit
@@ -122,7 +122,7 @@ class Log(NamedTuple):
     seen: Counter[tuple[int, bool]]  # how often each occurs
 
 
-def recognised(path: str | PathLike[str], options: Options | None = None) -> bool:
+def is_can_log(path: str | PathLike[str], options: Options | None = None) -> bool:
     """Whether a file is a CAN log by its suffix, a .csv by the header of one, or an MDF file with a database."""
     name = Path(path).name.lower()
     if name.endswith(SUFFIXES):
@@ -199,7 +199,7 @@ def _load(
     path: Any, options: Options, wanted: list[Wanted], known: set[tuple[int, bool]], meta: dict[str, Any]
 ) -> list[Values]:
     """The time, and every column at that time or the reason for which it cannot be read; writes the meta ``can``."""
-    log = _read(path, options, [part for column in wanted for part in column.parts])
+    log = _read_frames(path, options, [part for column in wanted for part in column.parts])
     notes: list[str] = []
     told: dict[str, dict[str, Any]] = {}
     found = [_signal(column, log, known, told, notes, meta) for column in wanted]
@@ -209,7 +209,7 @@ def _load(
     in_order = sorted(usable, key=lambda k: -usable[k][0].size)  # the fastest message first
     stamped = {wanted[k].parts[0].message.label: usable[k][0] for k in in_order}
     fastest, *_ = stamped
-    batch, within = _batch([*stamped.values()]), _shared([*stamped.values()])
+    batch, within = _batch([*stamped.values()]), _block_time([*stamped.values()])
     placed: dict[int, tuple[np.ndarray, np.ndarray]] = {}
     late: dict[str, list[str]] = {label: [] for label in stamped if label != fastest}  # their columns
     clock = None  # numbers and instants of the frames of the fastest message
@@ -217,7 +217,7 @@ def _load(
         stamps, values, numbers = usable[k]
         message = wanted[k].parts[0].message
         if batch is None:
-            kept = last_of_stamp(meta, message.label, stamps)
+            kept = last_of_each_time(meta, message.label, stamps)
             placed[k] = stamps[kept], values[kept]
         else:
             stamps = _stamps(stamps)
@@ -263,7 +263,7 @@ def _signal(
     if isinstance(raw, str):
         return f"is in the message {first.message.label} ({first.message.identified}), which {raw}"
     time, data, size = raw.arrays()
-    told.setdefault(first.message.label, _told(first.message, time - log.start, data, size))
+    told.setdefault(first.message.label, _frame_statistics(first.message, time - log.start, data, size))
     there, values, counted = np.ones(time.size, dtype=bool), np.zeros(time.size), list[str]()
     for part in (*column.parts, *([column.sign] if column.sign else ())):
         try:
@@ -329,7 +329,7 @@ def _raw(entry: can_database.Column, log: Log, known: set[tuple[int, bool]], not
     return raw
 
 
-def _read(path: Any, options: Options, wanted: list[can_database.Column]) -> Log:
+def _read_frames(path: Any, options: Options, wanted: list[can_database.Column]) -> Log:
     """The frames of the wanted signals' messages, and those of their groups for J1939."""
     widths: dict[Any, int] = {}
     for entry in wanted:
@@ -339,7 +339,7 @@ def _read(path: Any, options: Options, wanted: list[can_database.Column]) -> Log
     frames: dict[tuple[int, bool], Raw] = {}
     seen: Counter[tuple[int, bool]] = Counter()
     start = None
-    source = _measured if Path(path).suffix.lower() in MDF else _logged
+    source = _mdf_frames if Path(path).suffix.lower() in MDF else _log_frames
     for number, (time, frame_id, extended, bus, data) in enumerate(source(path, options.until)):
         start = time if start is None else start
         if options.bus is not None and str(bus) != options.bus:
@@ -356,7 +356,7 @@ def _read(path: Any, options: Options, wanted: list[can_database.Column]) -> Log
     return Log(start, frames, seen)
 
 
-def _logged(path: Any, until: float) -> Iterator[Frame]:
+def _log_frames(path: Any, until: float) -> Iterator[Frame]:
     """The data frames of a log before a time; ValueError with the place where the log breaks off."""
     own_process.require("can", "CAN logs", "can")
     import can  # here, because it is an extra
@@ -413,7 +413,7 @@ def _absolute(file: Any) -> Iterator[str]:
             yield line
 
 
-def _measured(path: Any, until: float) -> Iterator[Frame]:
+def _mdf_frames(path: Any, until: float) -> Iterator[Frame]:
     """The data frames in an MDF file, in the order of their time stamps."""
     time, *rest = own_process.read("an MDF file with raw CAN frames", _frame_groups, str(path))
     count = np.searchsorted(time, time[0] + until) if time.size else 0
@@ -486,7 +486,7 @@ def _midway(clock: np.ndarray, time: np.ndarray, numbers: np.ndarray) -> np.ndar
     return np.asarray(time[np.maximum(before, 0)] + time[np.minimum(after, clock.size - 1)]) / 2
 
 
-def _shared(times: list[np.ndarray]) -> float | None:
+def _block_time(times: list[np.ndarray]) -> float | None:
     """The time between two stamps of a log in which frames of several messages share them [s]; None for any other."""
     every = np.concatenate(times)
     stamps = np.unique(every)
@@ -510,13 +510,13 @@ def _spread(stamps: np.ndarray, declared: float | None) -> tuple[np.ndarray, flo
     return at[group] - ((first + count)[group] - np.arange(stamps.size)) * step[group], cycle
 
 
-def _told(message: Message, stamps: np.ndarray, data: np.ndarray, size: np.ndarray) -> dict[str, Any]:
+def _frame_statistics(message: Message, stamps: np.ndarray, data: np.ndarray, size: np.ndarray) -> dict[str, Any]:
     """What the meta tells of a message's frames."""
     time = np.unique(stamps)
     steps = np.diff(time)
     told: dict[str, Any] = {"id": identifier(*message.key), "frames": stamps.size}
     content = [signal for signal in message.signals if not signal.is_multiplexer]
-    undescribed = ~np.any([selected(message, signal, data, size) for signal in content], axis=0)
+    undescribed = ~np.any([contains_signal(message, signal, data, size) for signal in content], axis=0)
     if undescribed.any():
         told["not_decoded"] = int(np.count_nonzero(undescribed))
     if steps.size:
@@ -527,6 +527,6 @@ def _told(message: Message, stamps: np.ndarray, data: np.ndarray, size: np.ndarr
     for signal in message.signals:
         if any(part in signal.name.lower() for part in COUNTERS) and signal.length < 64:
             most = signal.maximum if signal.maximum and signal.maximum > 0 else 2**signal.length - 1
-            counts = can_database.raw_values(signal, data)[selected(message, signal, data, size)].astype(float)
+            counts = can_database.raw_values(signal, data)[contains_signal(message, signal, data, size)].astype(float)
             told["missed_by_counter"] = int(np.sum(np.maximum(np.diff(counts) % (int(most) + 1) - 1, 0)))
     return told

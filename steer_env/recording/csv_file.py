@@ -25,7 +25,7 @@ from typing import IO, Any, NamedTuple
 
 import numpy as np
 
-from steer_env.recording.table import Column, Table, Values, column, gaps, label, time_place
+from steer_env.recording.table import Column, Table, Values, column, gaps, label, time_column
 
 COMPRESSED = ".csv.gz"  # end of the name of a file that gzip has made smaller, which is read only
 LONGEST_PREAMBLE = 50  # lines of a file among which its header is
@@ -65,7 +65,7 @@ def head(channels: Sequence[tuple[str, str]], meta: Mapping[str, Any], separator
 
 
 @contextmanager
-def _undamaged() -> Iterator[None]:
+def _check_gzip() -> Iterator[None]:
     """ValueError where what gzip has compressed is damaged or cut."""
     try:
         yield
@@ -82,12 +82,12 @@ class _Layout(NamedTuple):
     heads: set[int]  # indices of the lines with the header and the units
 
 
-@_undamaged()
+@_check_gzip()
 def open_table(path: str | PathLike[str]) -> Table:
     """Read the header and the meta; the table's ``load`` reads the rows."""
     encoding = encoding_of(path)
     with _text(path, encoding) as file:
-        lines = _decoded(file)
+        lines = _decode(file)
         top: list[str] = []  # the lines up to the first one that is no comment, and some more
         for line in lines:
             top.append(line)
@@ -115,13 +115,13 @@ def open_table(path: str | PathLike[str]) -> Table:
     def rows() -> Iterator[tuple[int, str]]:
         """Number and text of the lines that are rows, with decimal points."""
         with _text(path, encoding) as file:
-            for number, line in enumerate(_decoded(file), start=1):
+            for number, line in enumerate(_decode(file), start=1):
                 if meta.get(APPENDED) is True and not line.endswith("\n"):  # the program that wrote it was killed
                     meta["torn"] = "the last line"
                 elif number > layout.start and line.strip(blank) and line[0] != "#" and line.strip() not in repeated:
                     yield number, line if layout.separator == "," else line.replace(",", ".")
 
-    @_undamaged()
+    @_check_gzip()
     def load(places: Sequence[int]) -> list[Values]:
         table = _plain(rows(), layout, places)
         return (
@@ -143,7 +143,7 @@ def _layout(top: list[str], first: int) -> _Layout:
     among = range(0 if _has_number(top[first]) else first, len(top))
     places = [first, *(k for k in among if k != first and not _has_number(top[k]))]
     layout = max((_layout_at(top, k, k < first) for k in places), key=lambda pair: pair[0])[1]
-    if len(layout.columns) == 1 and time_place(layout.columns) is None:
+    if len(layout.columns) == 1 and time_column(layout.columns) is None:
         text = "separate columns by , or ; or tabs, and name a time in the header, time_s or Time [s]"
         raise ValueError(f"no time among the columns {layout.columns[0].label}: {text}")
     return layout
@@ -161,7 +161,7 @@ def _layout_at(top: list[str], place: int, commented: bool) -> tuple[int, _Layou
         columns = united
         heads.add(below.pop(0))
     layout = _Layout(columns, separator, below[0] if below else len(top), heads)
-    row, time = _cells(top[below[0]], separator) if below else [], time_place(columns)
+    row, time = _cells(top[below[0]], separator) if below else [], time_column(columns)
     if len(names) < 2 or len(row) < len(names) or any(row[len(names) :]):
         return 0, layout
     if time is not None:
@@ -258,19 +258,19 @@ def _unreadable(line: int, place: int | str, expected: str, got: object) -> Valu
     return ValueError(f"line {line}, column {place!r}: expected {expected}, got {got!r}")
 
 
-def compressed(path: str | PathLike[str]) -> bool:
+def is_compressed(path: str | PathLike[str]) -> bool:
     """Whether a file is a compressed one by its name."""
     return fspath(path).lower().endswith(COMPRESSED)
 
 
 def _text(path: str | PathLike[str], encoding: str) -> IO[str]:
     """A file opened to be read as text."""
-    return gzip.open(path, "rt", encoding=encoding) if compressed(path) else open(path, encoding=encoding)
+    return gzip.open(path, "rt", encoding=encoding) if is_compressed(path) else open(path, encoding=encoding)
 
 
 def encoding_of(path: Any) -> str:
     """UTF-16 by its mark; UTF-8 if the first lines are UTF-8; else Latin-1, for degree signs of older tools."""
-    with gzip.open(path) if compressed(path) else open(path, "rb") as file:
+    with gzip.open(path) if is_compressed(path) else open(path, "rb") as file:
         if file.read(2) in (b"\xff\xfe", b"\xfe\xff"):
             return "utf-16"
     with _text(path, "utf-8-sig") as file:
@@ -282,7 +282,7 @@ def encoding_of(path: Any) -> str:
     return "utf-8-sig"
 
 
-def _decoded(file: IO[str]) -> Iterator[str]:
+def _decode(file: IO[str]) -> Iterator[str]:
     """The lines of a file; ValueError where its bytes are no text in its encoding."""
     number = 1
     try:

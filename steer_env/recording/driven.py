@@ -27,7 +27,7 @@ def is_drive(recording: Recording) -> bool:
     return "sets" in recording.meta and all(name in recording.channels for name in CHANNELS)
 
 
-def acted(recording: Recording) -> list[tuple[str, float, float]]:
+def acting_labels(recording: Recording) -> list[tuple[str, float, float]]:
     """Of a drive, the label of every set that acted, one after another, with the times between which it did [s]."""
     acting, time, sets = recording["chosen_set"], recording.time, recording.meta["sets"]
     bounds = [0, *(np.flatnonzero(np.diff(acting)) + 1).tolist(), time.size - 1]
@@ -59,7 +59,7 @@ def check(recording: Recording) -> None:
     if (lost := _lost(time, torque)).size:
         found.append(f"the torque was off or faded, first at {lost[0]:.1f} s")
     if changed.any():
-        each = ", ".join(f"{label} to {end:.1f} s" for label, _, end in acted(recording))
+        each = ", ".join(f"{label} to {end:.1f} s" for label, _, end in acting_labels(recording))
         found.append(f"several configurations acted: {each}")
     elif not alone.all():
         found.append(f"two configurations were mixed, first at {time[~alone][0]:.1f} s")

@@ -19,7 +19,7 @@ from steer_env.recording import can_log, csv_file, mat_file, mdf_file, parquet_f
 from steer_env.recording import channel_mapping as mappings
 from steer_env.recording.channel_mapping import KNOWN, Entry, Mapping
 from steer_env.recording.recording import Recording
-from steer_env.recording.table import TIMING, Column, Table, Values, last_of_stamp, time_place
+from steer_env.recording.table import TIMING, Column, Table, Values, last_of_each_time, time_column
 from steer_env.recording.units import COUNTS, FILE_UNITS, SPELLINGS, parse_unit, spellings
 
 # Suffix -> module with `save` and `open_table`, which returns a table.Table; can_log has no `save`.
@@ -82,7 +82,7 @@ def read(
     if not isinstance(mapping, Mapping):
         mapping = Mapping() if mapping is None else mappings.load(mapping)
     try:
-        table = opened(path, can, [entry.column for entry in mapping.channels.values()])
+        table = open_file(path, can, [entry.column for entry in mapping.channels.values()])
         if "time" in mapping.channels and not table.timed:
             raise ValueError("this format has a time base of its own: remove [channels.time] from the mapping")
         time = [_time(table.columns, mapping)] if table.timed else []
@@ -90,7 +90,7 @@ def read(
         instants, *loaded = table.load([choice.place for choice in time + choices])
         for choice in time:
             instants = _instants(choice, instants)
-            kept = last_of_stamp(table.meta, choice.column.label, instants)
+            kept = last_of_each_time(table.meta, choice.column.label, instants)
             instants, loaded = instants[kept], [v if isinstance(v, str) else v[kept] for v in loaded]
         channels, units = {}, {}
         for choice, values in zip(choices, loaded):
@@ -105,18 +105,22 @@ def read(
                 units[name] = choice.unit
                 with np.errstate(over="ignore", invalid="ignore"):  # of what :func:`require_moderate` refuses
                     channels[name] = entry.sign * ((values - entry.offset) * (entry.scale * choice.size))
-        if TIMING in table.meta and can_log.recognised(path, can):
+        if TIMING in table.meta and can_log.is_can_log(path, can):
             names = {choice.column.label: choice.entry.name for choice in choices}
             for each in table.meta[TIMING]:
                 each["channels"] = [names[label] for label in each["channels"]]
         if left and not channels:
             raise ValueError(
-                f"none of the columns {_listed(left)} can be read: each needs numbers and a unit ({SPELLINGS}); "
+                f"none of the columns {_list_labels(left)} can be read: each needs numbers and a unit ({SPELLINGS}); "
                 "name those that are wanted, and their units, in a mapping"
             )
         uncalibrated = [name for name, unit in units.items() if unit == COUNTS]
         assumed = [choice.column.label for choice in time if choice.assumed]
-        told = {"not_read": _listed(left), "uncalibrated": _listed(uncalibrated), "seconds_assumed": _listed(assumed)}
+        told = {
+            "not_read": _list_labels(left),
+            "uncalibrated": _list_labels(uncalibrated),
+            "seconds_assumed": _list_labels(assumed),
+        }
         meta = {**table.meta, **{key: text for key, text in told.items() if text}, **mapping.meta}
         recording = Recording(np.asarray(instants), channels, units, meta)
         for choice in choices:
@@ -124,17 +128,17 @@ def read(
                 recording = recording.delayed(choice.entry.name, -choice.entry.delay)
         return recording
     except ValueError as error:
-        raise ValueError(f"{_place(path, can)}: {error}") from None
+        raise ValueError(f"{_source_words(path, can)}: {error}") from None
 
 
-def _place(path: str | os.PathLike[str], can: can_log.Options | None) -> str:
+def _source_words(path: str | os.PathLike[str], can: can_log.Options | None) -> str:
     """A file in messages, with the databases that a CAN log is read with."""
-    if can is None or not can.dbc or not can_log.recognised(path, can):
+    if can is None or not can.dbc or not can_log.is_can_log(path, can):
         return str(path)
     return f"{path} with {', '.join(map(str, can_log.paths_of(can.dbc)))}"
 
 
-def opened(path: str | os.PathLike[str], can: can_log.Options | None = None, sources: Sequence[str] = ()) -> Table:
+def open_file(path: str | os.PathLike[str], can: can_log.Options | None = None, sources: Sequence[str] = ()) -> Table:
     """A file as its format opens it; ``sources`` may name sums of signals of a CAN log.
 
     Raises
@@ -144,7 +148,7 @@ def opened(path: str | os.PathLike[str], can: can_log.Options | None = None, sou
     OSError
         If the file cannot be opened.
     """
-    form = None if can_log.recognised(path, can) else _format(path)
+    form = None if can_log.is_can_log(path, can) else _format(path)
     with open(path, "rb"):  # the readers of the formats report a missing file in different ways
         pass
     if form is None:
@@ -178,7 +182,7 @@ def write(recording: Recording, path: str | os.PathLike[str], *, digits: int | N
     path = Path(path)
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        if csv_file.compressed(path):
+        if csv_file.is_compressed(path):
             raise ValueError(f"{csv_file.COMPRESSED} is read, not written: write a .csv, and compress it with gzip")
         form = _format(path)
         if decimal != "." and form is not csv_file:
@@ -186,7 +190,7 @@ def write(recording: Recording, path: str | os.PathLike[str], *, digits: int | N
         if decimal not in csv_file.SEPARATORS:
             raise ValueError(f"the decimal sign must be one of {', '.join(csv_file.SEPARATORS)}, got {decimal!r}")
         channels = [
-            (name, recording.units[name], _rounded(values / FILE_UNITS[recording.units[name]][1], digits))
+            (name, recording.units[name], _round(values / FILE_UNITS[recording.units[name]][1], digits))
             for name, values in recording.channels.items()
         ]
         time = recording.time if digits is None else np.round(recording.time, 9)
@@ -202,14 +206,14 @@ def write(recording: Recording, path: str | os.PathLike[str], *, digits: int | N
         part.unlink(missing_ok=True)
 
 
-def _rounded(values: np.ndarray, digits: int | None) -> np.ndarray:
+def _round(values: np.ndarray, digits: int | None) -> np.ndarray:
     """The numbers nearest to those with so many significant digits."""
     return values if digits is None else np.array([float(f"{value:.{digits}g}") for value in values.tolist()])
 
 
 def _format(path: str | os.PathLike[str]) -> Any:
     """The module for a file's suffix."""
-    suffix = ".csv" if csv_file.compressed(path) else Path(path).suffix.lower()
+    suffix = ".csv" if csv_file.is_compressed(path) else Path(path).suffix.lower()
     if suffix not in FORMATS:
         if Path(path).name.lower().endswith(can_log.SUFFIXES):
             raise ValueError(f"a CAN log is not written; recordings end in {', '.join(FORMATS)}")
@@ -221,11 +225,11 @@ def _time(columns: list[Column], mapping: Mapping) -> _Choice:
     """The column of the time: that of the mapping, else one called time or t, else the first if it is in seconds."""
     if "time" in mapping.channels:
         return _choice(columns, mapping.channels["time"], "s")
-    place = time_place(columns)
+    place = time_column(columns)
     if place is None:
         raise ValueError(
-            f"no time among the columns {_listed([column.label for column in columns])}: expected time_s or Time [s], "
-            'or a mapping with [channels.time] from = "...", unit = "s"'
+            f"no time among the columns {_list_labels([column.label for column in columns])}: expected time_s or "
+            'Time [s], or a mapping with [channels.time] from = "...", unit = "s"'
         )
     return _choice(columns, Entry("time", columns[place].label, None), "s", place)
 
@@ -276,7 +280,7 @@ def _find(columns: list[Column], entry: Entry, unit: tuple[str, float] | None) -
         if len(places) == 1:
             return places[0]
         if places:
-            twice = _listed([columns[place].label for place in places])
+            twice = _list_labels([columns[place].label for place in places])
             raise ValueError(f"{entry.source!r} for {entry.name} may be any of {twice}: give its unit as well")
     if entry.sign_from is not None:
         raise ValueError(f"sign_from of {entry.name} is for CAN logs, whose signals may have their sign in another one")
@@ -309,7 +313,7 @@ def _choice(columns: list[Column], entry: Entry, expected: str | None, place: in
     return _Choice(place, column, *found, entry)
 
 
-def _listed(labels: list[str]) -> str:
+def _list_labels(labels: list[str]) -> str:
     """The labels with commas; only the first ten of them."""
     more = f" and {len(labels) - MOST_NAMED} more" if len(labels) > MOST_NAMED else ""
     return ", ".join(labels[:MOST_NAMED]) + more

@@ -9,7 +9,7 @@ import numpy as np
 
 from steer_env.recording import can_log, files, friction_record
 from steer_env.recording.friction_record import plain
-from steer_env.recording.table import Column, Table, Values, time_place
+from steer_env.recording.table import Column, Table, Values, time_column
 from steer_env.recording.units import file_unit
 
 HEAD = """\
@@ -81,25 +81,25 @@ def text(
         If the file cannot be opened.
     """
     try:
-        table = files.opened(path, can)
+        table = files.open_file(path, can)
         values = _values(table)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
-    found = {column: _told(column, samples) for column, samples in zip(table.columns, values)}
+    found = {column: _range_words(column, samples) for column, samples in zip(table.columns, values)}
     samples = dict(zip(table.columns, values))
     lines = [HEAD.format(name=path)]
-    place = time_place(table.columns)
+    place = time_column(table.columns)
     time = [] if place is None else [table.columns[place]]
     if table.timed:
         lines += _block("time", "s", time, found, ())
     wanted = {name: (units,) if isinstance(units, str) else units for name, units in channels.items()}
-    offered = _offered([column for column in table.columns if not (table.timed and column in time)], wanted)
+    offered = _similar_columns([column for column in table.columns if not (table.timed and column in time)], wanted)
     for name, units in wanted.items():
         lines += _block(name, units[0], offered[name], found, SETTINGS)
         if name == "handwheel_angle":
             lines[-1:] = [*_agreement(offered, samples), ""]
     lines += ["# [meta]", '# manoeuvre = ""', "# speed_m_s = ", "", "# Every column of the file:"]
-    lines += [f"# {_quoted(entry.label)}: {told}" for entry, told in found.items()]
+    lines += [f"# {_quote(entry.label)}: {told}" for entry, told in found.items()]
     return "\n".join(lines) + "\n"
 
 
@@ -110,13 +110,13 @@ def _block(
 
     A column without a unit is no guess, as another quantity or a sensor's counts may stand in it.
     """
-    own = _spelled(offered[0]) if offered and offered[0].known else None
+    own = _spell_unit(offered[0]) if offered and offered[0].known else None
     off = "" if own and (name == "time" or _likeness(offered[0], name) >= CLEAR) else "# "
-    lines = [f"{'# ' if k else off}from = {_quoted(entry.label)}  # {found[entry]}" for k, entry in enumerate(offered)]
+    lines = [f"{'# ' if k else off}from = {_quote(entry.label)}  # {found[entry]}" for k, entry in enumerate(offered)]
     lines = [f"{off}[channels.{name}]", *(lines or ['# from = ""'])]
     if offered and offered[0].sign:
         where = f"{offered[0].negative} where the reading is negative; check it"
-        lines.append(f"{off}sign_from = {_quoted(offered[0].sign)}  # {where}")
+        lines.append(f"{off}sign_from = {_quote(offered[0].sign)}  # {where}")
     lines.append(off + f'unit = "{own or file_unit(unit)}"')
     size = TORQUES.get(plain(offered[0].name)) if offered and name == "handwheel_torque" else None
     if size and not own:
@@ -143,11 +143,11 @@ def _agreement(offered: Mapping[str, list[Column]], samples: Mapping[Column, Val
         correlation = float(np.corrcoef(both)[0, 1])
         told = "so their signs are the same" if correlation > 0 else "so one of the two needs sign = -1"
         told = told if abs(correlation) >= AGREE else "too little to tell the sign"
-        lines.append(f"# correlation with {_quoted(offered[other][0].label)}, {other}: {correlation:.2f}, {told}")
+        lines.append(f"# correlation with {_quote(offered[other][0].label)}, {other}: {correlation:.2f}, {told}")
     return lines
 
 
-def _offered(columns: list[Column], channels: Mapping[str, tuple[str, ...]]) -> dict[str, list[Column]]:
+def _similar_columns(columns: list[Column], channels: Mapping[str, tuple[str, ...]]) -> dict[str, list[Column]]:
     """The columns by the channel whose name is most like theirs among those of their unit; the most alike come first.
 
     A column without a unit that is known is offered where its name is clear.
@@ -169,7 +169,7 @@ def _likeness(column: Column, channel: str) -> float:
     return max(SequenceMatcher(None, name, plain(usual)).ratio() for usual in (channel, *USUAL.get(channel, ())))
 
 
-def _spelled(column: Column) -> str | None:
+def _spell_unit(column: Column) -> str | None:
     """The unit of a column, with a slash where it is the end of a name."""
     return column.unit if column.unit is None or column.declares_unit else column.unit.replace("_", "/")
 
@@ -179,20 +179,20 @@ def _values(table: Table) -> list[Values]:
     every = range(len(table.columns))
     if not table.timed:
         return table.load(every)[1:]
-    time_first = sorted(every, key=lambda place: place != time_place(table.columns))
+    time_first = sorted(every, key=lambda place: place != time_column(table.columns))
     loaded = dict(zip(time_first, table.load(time_first)))
     return [loaded[place] for place in every]
 
 
-def _told(column: Column, values: Values) -> str:
+def _range_words(column: Column, values: Values) -> str:
     """The unit with the smallest and the largest value, or why there is none."""
     if isinstance(values, str):
         return values
     if np.isnan(values).all():
         return "has no values"
-    return f"{_spelled(column) or 'no unit'}, {np.nanmin(values):.6g} to {np.nanmax(values):.6g}"
+    return f"{_spell_unit(column) or 'no unit'}, {np.nanmin(values):.6g} to {np.nanmax(values):.6g}"
 
 
-def _quoted(label: str) -> str:
+def _quote(label: str) -> str:
     """A label as a TOML string, which JSON's is as well."""
     return json.dumps(label, ensure_ascii=False)

@@ -12,7 +12,7 @@ SIGNATURE = b"\x89HDF\r\n\x1a\n"
 USER_BLOCK = 512  # MATLAB's own header before the signature [bytes]
 
 
-def recognised(path: str | PathLike[str]) -> bool:
+def is_hdf5(path: str | PathLike[str]) -> bool:
     """Whether a file is HDF5, with MATLAB's header or without."""
     with open(path, "rb") as file:
         start = file.read(USER_BLOCK + len(SIGNATURE))
@@ -28,10 +28,10 @@ def content(path: str | PathLike[str]) -> dict[str, Any]:
         Without h5py, with the command that installs it; or if the file is damaged.
     """
     own_process.require("h5py", "MATLAB v7.3 files", "hdf5")
-    return own_process.read("a MATLAB v7.3 file", _read, os.fspath(path))
+    return own_process.read("a MATLAB v7.3 file", _read_variables, os.fspath(path))
 
 
-def _read(path: str) -> dict[str, Any]:
+def _read_variables(path: str) -> dict[str, Any]:
     import h5py  # here, because it is an extra
 
     with h5py.File(path, "r") as file:

@@ -36,7 +36,7 @@ def save(
 
 def open_table(path: str | PathLike[str]) -> Table:
     """Open a file; every vector of numbers in it is a column, and the time is one of them."""
-    if mat73_file.recognised(path):
+    if mat73_file.is_hdf5(path):
         content = mat73_file.content(path)
     else:
         content = own_process.read("a MATLAB file", _before_73, os.fspath(path))

@@ -23,7 +23,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from steer_env.recording import own_process
-from steer_env.recording.table import Column, Table, Values, between, column, gaps, in_common, last_of_stamp, meta_in
+from steer_env.recording.table import (
+    Column,
+    Table,
+    Values,
+    between,
+    column,
+    gaps,
+    in_common,
+    last_of_each_time,
+    meta_in,
+)
 from steer_env.recording.units import file_unit
 
 TIME = 1  # sync type of a master channel that is the time; other types are angle, distance and index
@@ -143,7 +153,7 @@ def _physical(raw: np.ndarray, conversion: Any) -> tuple[np.ndarray, dict[str, n
     values = raw
     if raw.ndim == 1 and raw.dtype.kind in "fiub":
         if formula := getattr(conversion, "formula", ""):
-            values = _evaluated(formula, raw.astype(float))
+            values = _evaluate_formula(formula, raw.astype(float))
             return values, {f"no result of {formula!r}": np.isnan(values) & ~np.isnan(raw)}
         if hasattr(conversion, "lower_0") or hasattr(conversion, "val_0"):
             return _looked_up(raw, conversion)
@@ -194,7 +204,7 @@ def _looked_up(raw: np.ndarray, conversion: Any) -> tuple[np.ndarray, dict[str, 
     return values, codes
 
 
-def _evaluated(formula: str, x: np.ndarray) -> np.ndarray:
+def _evaluate_formula(formula: str, x: np.ndarray) -> np.ndarray:
     """The values (N,) of a formula at x (N,); ValueError with what in it is not known."""
 
     def value(node: ast.expr) -> Any:
@@ -227,7 +237,7 @@ def _on_one_time(meta: dict[str, Any], labels: list[str], signals: list[Signal])
         if isinstance(signal.samples, str):
             values.append(signal.samples)
             continue
-        kept = last_of_stamp(meta, label, signal.timestamps)
+        kept = last_of_each_time(meta, label, signal.timestamps)
         if np.count_nonzero(kept) < 2:
             values.append(f"has {np.count_nonzero(kept)} samples")
             continue

@@ -66,7 +66,7 @@ def column(label: str, unit: str | None = None, name: str | None = None) -> Colu
     return Column(label, name or short, end or None, parse_unit(end) if end else None)
 
 
-def time_place(columns: Sequence[Column]) -> int | None:
+def time_column(columns: Sequence[Column]) -> int | None:
     """Index of the column of the time: the first one called time or t, else the first of all if it is in seconds."""
     for place, entry in enumerate(columns):
         if entry.is_time:
@@ -130,7 +130,7 @@ def gaps(
     return np.where(rest, values, np.nan)
 
 
-def last_of_stamp(meta: dict[str, Any], label: str, time: np.ndarray) -> np.ndarray:
+def last_of_each_time(meta: dict[str, Any], label: str, time: np.ndarray) -> np.ndarray:
     """Which samples (T,) remain where several share a time stamp; the meta ``doubled_stamps`` counts the others.
 
     Raises

@@ -88,7 +88,7 @@ SPELLINGS = ", ".join(_SPELLINGS)  # for messages
 
 def parse_unit(text: str) -> tuple[str, float] | None:
     """Unit in memory of a spelling such as "deg/s", "°/s", "deg_s" or "N*m", and the value of one; None if unknown."""
-    plain = _normalised(text)
+    plain = _normalise(text)
     return _SPELLINGS.get(plain) or _NAMES.get(plain) or _SPELLINGS.get(_ANY_CASE.get(plain.lower(), ""))
 
 
@@ -117,7 +117,7 @@ def split_unit(column: str) -> tuple[str, str | None]:
     return column, None
 
 
-def _normalised(text: str) -> str:
+def _normalise(text: str) -> str:
     """The spelling without spaces, and with one way to write products, powers and degrees."""
     for old, new in (("²", "2"), ("º", "°"), ("µ", "u"), ("μ", "u"), ("_", "/")):
         text = text.replace(old, new)

@@ -20,7 +20,7 @@ def low_pass(cutoff_hz: float, rate: float) -> Array:
 
 
 @lru_cache(maxsize=64)
-def _settled(cutoff_hz: float, rate: float) -> Array:
+def _settled_state(cutoff_hz: float, rate: float) -> Array:
     """State (2,) of the low-pass after a long time at an input of 1."""
     return np.asarray(signal.sosfilt_zi(low_pass(cutoff_hz, rate))[0])
 
@@ -51,5 +51,5 @@ def zero_phase(values: Array, cutoff_hz: float, rate: float, run_in: int) -> Arr
     """
     before, after = 2 * values[0] - values[run_in:0:-1], 2 * values[-1] - values[-2 : -run_in - 2 : -1]
     padded = np.concatenate([before, values, after])
-    _both_ways(low_pass(cutoff_hz, rate)[0], _settled(cutoff_hz, rate), padded)
+    _both_ways(low_pass(cutoff_hz, rate)[0], _settled_state(cutoff_hz, rate), padded)
     return padded[run_in:-run_in]

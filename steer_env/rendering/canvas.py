@@ -233,7 +233,7 @@ def nice_step(span: float, parts: float) -> float:
     return next(power * factor for factor in (5.0, 2.0, 1.0) if power * factor <= rough * (1.0 + 1e-9))
 
 
-def mixed(a: Colour, b: Colour, part: float) -> Colour:
+def mix(a: Colour, b: Colour, part: float) -> Colour:
     """A mixture of two colours; ``part`` is the share of the second."""
     red, green, blue = (round(x + part * (y - x)) for x, y in zip(a, b))
     return red, green, blue

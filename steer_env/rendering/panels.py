@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from steer_env.courses.iso3888 import Outline
-from steer_env.rendering.canvas import Box, Canvas, Colour, around, mixed, nice_step
-from steer_env.rendering.view import View, turned
+from steer_env.courses.iso3888 import Footprint
+from steer_env.rendering.canvas import Box, Canvas, Colour, around, mix, nice_step
+from steer_env.rendering.view import View, rotate
 from steer_env.vehicle.cars import Car
 
 Array = NDArray[np.float64]
@@ -121,12 +121,12 @@ class Road:
         words = f"{hit} of {len(cones)} cones touched"
         canvas.text(words, (left + width - 12, top + height - 16), TOUCHED if hit else MUTED, 12, align=1.0)
 
-    def car(self, car: Car, size: Outline) -> None:
+    def car(self, car: Car, size: Footprint) -> None:
         """The car from above, with its wheels."""
         canvas, view, pose, data = self._canvas, self.view, self._pose, car.chassis
 
         def placed(points: Array) -> Array:
-            return view(self._focus + turned(points, pose.yaw))
+            return view(self._focus + rotate(points, pose.yaw))
 
         t = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
         rounded = 0.5 * np.sign([np.cos(t), np.sin(t)]).T * np.abs([np.cos(t), np.sin(t)]).T ** 0.4
@@ -143,7 +143,7 @@ class Road:
             (rear, 0.5 * data["rear_track"], 0.0),
             (rear, -0.5 * data["rear_track"], 0.0),
         ):
-            canvas.polygon(placed(turned(_WHEEL, angle) + np.array([x, y])), INK)
+            canvas.polygon(placed(rotate(_WHEEL, angle) + np.array([x, y])), INK)
 
     def scale(self) -> None:
         """A bar of a known length at the lower edge."""
@@ -260,7 +260,7 @@ def loop(
         for part in np.split(places, np.flatnonzero(np.diff(of_set[places])) + 1):
             if part.size:
                 colour = COLOURS[of_set[part[0]] % len(COLOURS)]
-                canvas.lines(points[part[0] : part[-1] + 2], mixed(PANEL, colour, age), 1.5)
+                canvas.lines(points[part[0] : part[-1] + 2], mix(PANEL, colour, age), 1.5)
     if wanted is not None and np.isfinite(wanted).any():
         canvas.text("wanted hand torque", (box[0] + box[2] - 96, box[1] + 14), WANTED, 11, align=1.0)
         line = middle + np.column_stack([angles, wanted]) * scales
@@ -281,6 +281,6 @@ def full_scale(peak: float) -> float:
     return scale
 
 
-def signed(value: Any, digits: int, plus: str = "+") -> str:
+def with_sign(value: Any, digits: int, plus: str = "+") -> str:
     """A number with its sign; minus zero becomes zero."""
     return f"{round(float(value), digits) + 0.0:{plus}.{digits}f}".replace("-", "−")

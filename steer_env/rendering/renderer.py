@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.courses.iso3888 import outline
+from steer_env.courses.iso3888 import footprint
 from steer_env.engine.batch import EnvironmentBatch
 from steer_env.friction.law import law_of
 from steer_env.friction.sites import Sites, as_mapping
 from steer_env.rendering import panels
 from steer_env.rendering.canvas import Canvas
 from steer_env.rendering.modes import frame_rate
-from steer_env.rendering.panels import HAND, INK, MOTOR, MUTED, PANEL, PAPER, RULE, WANTED, signed
-from steer_env.rendering.view import extended
+from steer_env.rendering.panels import HAND, INK, MOTOR, MUTED, PANEL, PAPER, RULE, WANTED, with_sign
+from steer_env.rendering.view import extend
 from steer_env.tasks.common.definition import NON_FINITE, Task
 from steer_env.tasks.common.feel_term import FEEL_METRIC
 from steer_env.vehicle.plant import CHANNEL
@@ -70,7 +70,7 @@ class Renderer:
         self._period = 1.0 / frame_rate(mode, batch.control_dt)
         self._window = mode == "human"
         self._canvas = Canvas(WIDTH, HEIGHT) if canvas is None else canvas
-        self._size = outline(batch.car)
+        self._size = footprint(batch.car)
         self._scored = _feel(batch.task)
         self._frames: list[NDArray[np.uint8]] = []
         self._history: deque[Array] = deque(maxlen=round(HISTORY / SPACING))
@@ -90,7 +90,7 @@ class Renderer:
         self._forget()
         path = self._batch.path(self._row)
         if path is not None:
-            self._path = extended(path[:, :3])
+            self._path = extend(path[:, :3])
         self._heading = float(self._batch.arrays.channels[self._row, CHANNEL["yaw_angle"]])
         self._read()
         self._frames.clear()
@@ -176,10 +176,10 @@ class Renderer:
         given = float(episode["action"])
         for x, label, words in (
             (318, "friction", _friction(batch.conditions[self._row].friction)),
-            (438, "speed", f"{signed(3.6 * float(episode['speed']), 1, plus='')} km/h"),
+            (438, "speed", f"{with_sign(3.6 * float(episode['speed']), 1, plus='')} km/h"),
             (548, "time", f"{self._time:.2f} s"),
-            (638, "action", f"{signed(given, 2)}  ({signed(given * action.scale, 2)} {action.unit})"),
-            (842, "reward so far", signed(self._reward, 2)),
+            (638, "action", f"{with_sign(given, 2)}  ({with_sign(given * action.scale, 2)} {action.unit})"),
+            (842, "reward so far", with_sign(self._reward, 2)),
         ):
             canvas.text(label, (x, 22), MUTED, 11)
             canvas.text(words, (x, 40), INK, 14)
@@ -217,13 +217,13 @@ class Renderer:
             for place, peak, colour in zip((_TORQUE, _MOTOR), self._peaks[1:].tolist(), (HAND, MOTOR))
         )
         rows = [
-            panels.Row("handwheel angle", f"{signed(math.degrees(now[_ANGLE]), 1)} deg"),
-            panels.Row("hand torque", f"{signed(hand.value, 2)} N m", HAND, f"full arc {hand.full:g} N m"),
-            panels.Row("motor torque", f"{signed(motor.value, 2)} N m", MOTOR, f"full arc {motor.full:g} N m"),
-            panels.Row("lateral acceleration", f"{signed(now[_ACCELERATION], 2)} m/s²"),
+            panels.Row("handwheel angle", f"{with_sign(math.degrees(now[_ANGLE]), 1)} deg"),
+            panels.Row("hand torque", f"{with_sign(hand.value, 2)} N m", HAND, f"full arc {hand.full:g} N m"),
+            panels.Row("motor torque", f"{with_sign(motor.value, 2)} N m", MOTOR, f"full arc {motor.full:g} N m"),
+            panels.Row("lateral acceleration", f"{with_sign(now[_ACCELERATION], 2)} m/s²"),
         ]
         if wanted is not None:
-            rows.insert(1, panels.Row("wanted angle", f"{signed(math.degrees(wanted), 1)} deg", WANTED))
+            rows.insert(1, panels.Row("wanted angle", f"{with_sign(math.degrees(wanted), 1)} deg", WANTED))
         panels.dial(self._canvas, DIAL, float(now[_ANGLE]), (hand, motor), rows, wanted)
 
 

@@ -21,17 +21,17 @@ class View:
         self._focus = now[:2]
 
     def __call__(self, points: Array) -> Array:
-        ahead_left = turned(points - self._focus, -self.heading)
+        ahead_left = rotate(points - self._focus, -self.heading)
         return self.centre - self.scale * ahead_left[:, ::-1]
 
 
-def turned(points: ArrayLike, angle: float) -> Array:
+def rotate(points: ArrayLike, angle: float) -> Array:
     """Points (N, 2) turned to the left by an angle [rad]."""
     c, s = math.cos(angle), math.sin(angle)
     return np.asarray(points) @ np.array([[c, s], [-s, c]])
 
 
-def extended(path: Array) -> Array:
+def extend(path: Array) -> Array:
     """A path (P, 3) of x, y, direction, continued straight at both ends."""
     steps = np.arange(1.0, _EXTENSION + 1.0)
 

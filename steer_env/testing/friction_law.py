@@ -20,14 +20,14 @@ from steer_env.testing.histories import (
     Array,
     after,
     at_rest,
+    both_signs,
     extent,
     log,
     mean_by_quadrature,
-    mirrored,
+    mirror,
     moves,
     odd,
     rate,
-    signed,
     size,
     speeds,
     steps,
@@ -120,7 +120,7 @@ def check_odd_symmetry(p: Any) -> None:
     def holds(history, driven, torque_scale):
         memory = after(p, history, torque_scale)
         image = after(p, [(-w, h) for w, h in history], torque_scale)
-        _require_entries(p, image, mirrored(p, memory), "memory")
+        _require_entries(p, image, mirror(p, memory), "memory")
         stored = law.stored_energy(p, memory), law.stored_energy(p, image)
         assert stored[0] == stored[1], f"the stored energy must be {stored[0]:.17g} J, found {stored[1]:.17g} J"
         w_guess = 0.0
@@ -129,10 +129,10 @@ def check_odd_symmetry(p: Any) -> None:
             w, T = law.step(p, torque_scale, memory, S, R, h, w_guess)
             found = law.step(p, torque_scale, image, S, -R, h, -w_guess)
             assert found == (-w, -T), f"speed and torque of a step must be {(-w, -T)}, found {found}"
-            _require_entries(p, image, mirrored(p, memory), "memory")
+            _require_entries(p, image, mirror(p, memory), "memory")
             expected, found = -law.torque(p, torque_scale, memory, w), law.torque(p, torque_scale, image, -w)
             assert found == expected, f"the torque must be {expected:.17g} N m, found {found:.17g} N m"
-            expected = mirrored(p, rate(p, torque_scale, memory, w))
+            expected = mirror(p, rate(p, torque_scale, memory, w))
             _require_entries(p, rate(p, torque_scale, image, -w), expected, "rate of memory")
             w_guess = _within(p, w, 1.0 / h)
 
@@ -190,7 +190,9 @@ def check_step_equation(p: Any) -> None:
     exact = law.law_of(p).mean_torque is not None
 
     @settings(examples, max_examples=150 if exact else 50)
-    @given(moves, torque_scales, log(-4, 6), signed(log(-9, 9)), log(-6, -2), signed(log(-12, 6)), torque_scales)
+    @given(
+        moves, torque_scales, log(-4, 6), both_signs(log(-9, 9)), log(-6, -2), both_signs(log(-12, 6)), torque_scales
+    )
     def holds(history, before, S, R, h, w_guess, torque_scale):
         memory = after(p, history, before)
         S += _fall(p, torque_scale, h)
@@ -316,7 +318,7 @@ def check_rate(p: Any) -> None:
     """``advance`` is the solution of ``rate``: what a plain ODE solver makes of the law."""
 
     @settings(examples, max_examples=30)
-    @given(moves, signed(log(-3, 0)), log(-3, -1), torque_scales)
+    @given(moves, both_signs(log(-3, 0)), log(-3, -1), torque_scales)
     def holds(history, w, h, torque_scale):
         memory = after(p, history, torque_scale)
         scale = np.maximum(extent(p, torque_scale), 1e-12)

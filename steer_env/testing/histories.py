@@ -17,7 +17,7 @@ def log(low: float, high: float) -> st.SearchStrategy[float]:
     return st.floats(low, high).map(lambda exponent: 10.0**exponent)
 
 
-def signed(magnitudes: st.SearchStrategy[float]) -> st.SearchStrategy[float]:
+def both_signs(magnitudes: st.SearchStrategy[float]) -> st.SearchStrategy[float]:
     """Both signs, and zero."""
     return st.tuples(st.sampled_from([1.0, -1.0, 0.0]), magnitudes).map(lambda pair: pair[0] * pair[1])
 
@@ -27,7 +27,7 @@ def _move(w: float, distance: float) -> tuple[float, float]:
     return w, distance / abs(w) if w else distance
 
 
-speeds = signed(log(-3, 1.5))  # [rad/s]
+speeds = both_signs(log(-3, 1.5))  # [rad/s]
 torque_scales = log(-1, 1)
 # Friction follows displacements, so durations are drawn as distances [rad].
 moves = st.lists(st.builds(_move, speeds, log(-5, 0)), max_size=8)
@@ -57,7 +57,7 @@ def odd(p: Any, memory: Array) -> NDArray[np.bool_]:
     return np.resize(np.array([each == "odd" for each in law.law_of(p).parity(p)], bool), memory.size)
 
 
-def mirrored(p: Any, memory: Array) -> Array:
+def mirror(p: Any, memory: Array) -> Array:
     """Memory, or its rate, of the mirrored motion."""
     return np.where(odd(p, memory), -memory, memory)
 

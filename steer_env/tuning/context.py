@@ -29,7 +29,7 @@ class Context(NamedTuple):
     friction_stiffness: float  # friction torque over angle, 1 mrad from rest [N m/rad]
 
 
-class Known(NamedTuple):
+class Reference(NamedTuple):
     """What is the same for every parameter set of a context."""
 
     context: Context
@@ -51,7 +51,7 @@ OBSERVED = (
 )
 
 
-def context(car: Car, chassis: str, drawn: Conditions) -> Context:
+def measure_context(car: Car, chassis: str, drawn: Conditions) -> Context:
     """The context of drawn conditions."""
     loaded = car.loaded(drawn.load)
     p = loaded.plant(drawn.friction, speed=drawn.speed, robot=True, road_friction=drawn.road_friction, chassis=chassis)

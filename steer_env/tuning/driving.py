@@ -13,7 +13,7 @@ from steer_env.friction.sites import transmissions
 from steer_env.manoeuvres.common.driving import OpenLoop, build_plant, drive_plant, open_loop
 from steer_env.metrics import Value
 from steer_env.recording.recording import Recording
-from steer_env.tuning.context import Known, context
+from steer_env.tuning.context import Reference, measure_context
 from steer_env.tuning.scenarios.common.definition import Drive, Scenario
 from steer_env.vehicle import layout, plant
 from steer_env.vehicle.cars import Car
@@ -31,14 +31,14 @@ class PreparedDrive(NamedTuple):
     course: OpenLoop | None  # with which the car's own assist reaches the test's lateral acceleration; None of a driver
 
 
-class Tried(NamedTuple):
+class SetResult(NamedTuple):
     """What the tests of a parameter set give."""
 
     metrics: dict[str, Value]  # by name; those of a run that diverges or spins out are refused
     margins: Margins  # the smallest ones over the speeds of the tests
 
 
-def adapted(given: Iterable[Drive], chassis: str, drawn: Conditions) -> list[Drive]:
+def adapt_drives(given: Iterable[Drive], chassis: str, drawn: Conditions) -> list[Drive]:
     """Drives with the chassis, and those at the context's speed with that speed."""
     drives = []
     for drive in given:
@@ -51,7 +51,7 @@ def adapted(given: Iterable[Drive], chassis: str, drawn: Conditions) -> list[Dri
     return drives
 
 
-def prepare(scenario: Scenario, car: Car, chassis: str, drawn: Conditions) -> tuple[PreparedDrive, ...]:
+def prepare_drives(scenario: Scenario, car: Car, chassis: str, drawn: Conditions) -> tuple[PreparedDrive, ...]:
     """The drives in a context, with amplitudes found for the car's own assist.
 
     Every parameter set is driven with the same handwheel angles, so that sets are compared on one input and a set
@@ -63,20 +63,20 @@ def prepare(scenario: Scenario, car: Car, chassis: str, drawn: Conditions) -> tu
         The car does not reach the lateral acceleration of a test.
     """
     loaded = car.loaded(drawn.load)
-    return tuple(prepared(drive, loaded, drawn) for drive in adapted(scenario.drives, chassis, drawn))
+    return tuple(prepare_drive(drive, loaded, drawn) for drive in adapt_drives(scenario.drives, chassis, drawn))
 
 
-def prepared(drive: Drive, loaded: Car, drawn: Conditions) -> PreparedDrive:
-    """A drive in a context, with the car that has its load; ValueError as of :func:`prepare`."""
+def prepare_drive(drive: Drive, loaded: Car, drawn: Conditions) -> PreparedDrive:
+    """A drive in a context, with the car that has its load; ValueError as of :func:`prepare_drives`."""
     m = drive.manoeuvre
     p = with_level(build_plant(loaded, m, drawn.friction, drawn.road_friction), drawn)
     return PreparedDrive(drive, loaded, p, None if m.driver else open_loop(p, m))
 
 
-def tried(drives: tuple[PreparedDrive, ...], assist: Assist) -> Tried:
+def drive_set(drives: tuple[PreparedDrive, ...], assist: Assist) -> SetResult:
     """Drive an assist through the tests; the result does not depend on the number of processors."""
     with one_blas_thread():
-        return Tried(evaluate(drives, assist), margins(drives, assist))
+        return SetResult(evaluate(drives, assist), margins(drives, assist))
 
 
 def margins(drives: tuple[PreparedDrive, ...], assist: Assist) -> Margins:
@@ -88,10 +88,10 @@ def margins(drives: tuple[PreparedDrive, ...], assist: Assist) -> Margins:
     return worst._replace(gain=min(m.gain for m in every), stable=all(m.stable for m in every))
 
 
-def known(drives: tuple[PreparedDrive, ...], car: Car, chassis: str, drawn: Conditions) -> Known:
+def measure_reference(drives: tuple[PreparedDrive, ...], car: Car, chassis: str, drawn: Conditions) -> Reference:
     """What is the same for every parameter set of a context, whose drives are prepared."""
     with one_blas_thread():
-        return Known(context(car, chassis, drawn), evaluate(drives, car.assist))
+        return Reference(measure_context(car, chassis, drawn), evaluate(drives, car.assist))
 
 
 def evaluate(drives: tuple[PreparedDrive, ...], assist: Assist) -> dict[str, Value]:
@@ -109,11 +109,11 @@ def evaluate(drives: tuple[PreparedDrive, ...], assist: Assist) -> dict[str, Val
             names = metrics.available(drive.manoeuvre.name)
             found |= {n: Value(np.nan, np.nan, np.nan, metrics.definition(n).unit, str(error)) for n in names}
         else:
-            found |= metrics.evaluate(thinned(recording, drive.thinning), intervals=False)
+            found |= metrics.evaluate(thin_out(recording, drive.thinning), intervals=False)
     return found
 
 
-def thinned(recording: Recording, thinning: int) -> Recording:
+def thin_out(recording: Recording, thinning: int) -> Recording:
     """A recording with one of every ``thinning`` samples."""
     kept = slice(thinning - 1, None, thinning)
     channels = {name: values[kept] for name, values in recording.channels.items()}

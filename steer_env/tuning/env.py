@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.engine.specification import PlainSpecification
-from steer_env.env import as_actions, check_keywords, clipped
+from steer_env.env import as_actions, check_keywords, clip_actions
 from steer_env.episode.randomise import LIMITS, Conditions, Randomise
 from steer_env.friction.numerics.check import number, whole
 from steer_env.friction.numerics.frozen import frozen
@@ -19,7 +19,7 @@ from steer_env.metrics import Value, definition
 from steer_env.targets import load as load_targets
 from steer_env.tasks import Quantity
 from steer_env.tuning import context, driving, reward, start
-from steer_env.tuning.parameters import KNOWN, car_with, keys, tuned, values
+from steer_env.tuning.parameters import KNOWN, car_with, keys, make_assist, values
 from steer_env.tuning.scenarios.common.definition import SPEEDS, Scenario
 from steer_env.vehicle import cars
 from steer_env.vehicle import chassis as chassis_models
@@ -39,15 +39,15 @@ _MARGINS = (
 _REFUSED = Quantity("refused", "1", 1.0, "share of the metrics above that the tests refused; these are 0")
 
 
-def wanted(scenario: Scenario) -> tuple[str, ...]:
+def wanted_metrics(scenario: Scenario) -> tuple[str, ...]:
     """The observed metrics that are tuned: those with a target band of the default targets that weighs."""
     terms = reward.terms(scenario, load_targets("compact"), None)
     return tuple(name for name in scenario.bounds if name in terms and terms[name].weight)
 
 
-def observed(scenario: Scenario) -> tuple[Quantity, ...]:
+def observed_quantities(scenario: Scenario) -> tuple[Quantity, ...]:
     """All observations of a scenario in their order."""
-    aims = ((name, definition(name).unit, scenario.bounds[name]) for name in wanted(scenario))
+    aims = ((name, definition(name).unit, scenario.bounds[name]) for name in wanted_metrics(scenario))
     return (
         *context.OBSERVED,
         *(Quantity(f"wanted_{name}", unit, bound, "middle of the wanted band") for name, unit, bound in aims),
@@ -58,7 +58,7 @@ def observed(scenario: Scenario) -> tuple[Quantity, ...]:
     )
 
 
-def _chosen(parameters: Sequence[str]) -> tuple[str, ...]:
+def _checked_parameters(parameters: Sequence[str]) -> tuple[str, ...]:
     """The parameters that the action sets, checked."""
     known = not isinstance(parameters, str) and set(parameters) <= set(KNOWN)
     if not known or not parameters or len(set(parameters)) != len(parameters):
@@ -158,7 +158,7 @@ class TuneEnv(PlainSpecification, gym.Env):
         self.render_mode = render_mode
         self.chassis = chassis_models.checked(chassis)
         if parameters is not None:
-            self.scenario = replace(self.scenario, parameters=_chosen(parameters))
+            self.scenario = replace(self.scenario, parameters=_checked_parameters(parameters))
         self.car = cars.load(vehicle, steering=steering)
         if tyre is not None:
             self.car = self.car._replace(tyre=tyres.load(tyre))
@@ -172,7 +172,7 @@ class TuneEnv(PlainSpecification, gym.Env):
         self.terms = reward.terms(self.scenario, self.targets, weights)
         self.detuning = number("detuning", detuning, minimum=0.0, maximum=1.0)
         self.tolerance = number("tolerance", tolerance, minimum=0.0, maximum=1.0, above=True)
-        self._quantities, self._aims = observed(self.scenario), wanted(self.scenario)
+        self._quantities, self._aims = observed_quantities(self.scenario), wanted_metrics(self.scenario)
         self.wanted = self.terms  # with the bands of the present context
         bound = np.array([quantity.bound for quantity in self._quantities], np.float32)
         n = len(self.scenario.parameters)
@@ -182,10 +182,10 @@ class TuneEnv(PlainSpecification, gym.Env):
         self.reward_components = (*(name for name, term in self.terms.items() if term.weight), *reward.MARGIN_TERMS)
         if vector_reward:  # only then, as MO-Gymnasium's users tell such an environment by it
             self.reward_dim = len(self.reward_components)
-            worst = [reward.worst(self.terms, name) for name in self.reward_components]
+            worst = [reward.worst_reward(self.terms, name) for name in self.reward_components]
             self.reward_space = gym.spaces.Box(np.array(worst, np.float32), np.zeros(self.reward_dim, np.float32))
         self._vector_reward = bool(vector_reward)
-        self._drawn: tuple[Conditions, context.Known] | None = None
+        self._drawn: tuple[Conditions, context.Reference] | None = None
         self._start = self._next = np.zeros(n)  # offset of the start, of this episode and of the one drawn last
         self._drives: tuple[driving.PreparedDrive, ...] = ()  # in the context; empty where others drive
         self._left = 0.0  # parameter sets left in the episode
@@ -209,7 +209,7 @@ class TuneEnv(PlainSpecification, gym.Env):
         self.scenario = replace(type(self).scenario, parameters=own.pop("_parameters"))
         self.__dict__.update(own)
         if self._drawn is not None:
-            drives = driving.adapted(self.scenario.drives, self.chassis, self._drawn[0])
+            drives = driving.adapt_drives(self.scenario.drives, self.chassis, self._drawn[0])
             self._drives = tuple(
                 driving.PreparedDrive(drive, car, frozen(p), course)
                 for drive, (car, p, course) in zip(drives, state["_drives"])
@@ -237,7 +237,7 @@ class TuneEnv(PlainSpecification, gym.Env):
 
         ``steer_env.vehicle.cars.write(env.tuned_car(env.best_action), "tuned.toml")`` writes it as a car file.
         """
-        return car_with(self.car, keys(self.car.assist, self._values(clipped(action))), f"{self.car.name}_tuned")
+        return car_with(self.car, keys(self.car.assist, self._values(clip_actions(action))), f"{self.car.name}_tuned")
 
     def _values(self, action: NDArray[Any]) -> dict[str, float]:
         """The value of every parameter at an action in [-1, 1] in the present episode."""
@@ -255,8 +255,8 @@ class TuneEnv(PlainSpecification, gym.Env):
         """
         drawn = self.draw(seed, options)
         if self._drawn is None or not self._drawn[0].same_plant(drawn):
-            self._drives = driving.prepare(self.scenario, self.car, self.chassis, drawn)
-            known = driving.known(self._drives, self.car, self.chassis, drawn)
+            self._drives = driving.prepare_drives(self.scenario, self.car, self.chassis, drawn)
+            known = driving.measure_reference(self._drives, self.car, self.chassis, drawn)
         else:
             known = self._drawn[1]
         return self.begin(drawn, known)
@@ -269,15 +269,15 @@ class TuneEnv(PlainSpecification, gym.Env):
             if key not in DRAWN:
                 raise ValueError(f"unknown reset option {key!r}; {self.scenario.name} takes: {', '.join(DRAWN)}")
         drawn = self._randomise.draw(self.np_random, options)
-        speeds = {each.manoeuvre.speed for each in driving.adapted(self.scenario.drives, self.chassis, drawn)}
+        speeds = {each.manoeuvre.speed for each in driving.adapt_drives(self.scenario.drives, self.chassis, drawn)}
         names = self.scenario.parameters
-        self._next = start.drawn(self.np_random, self.car, drawn.friction, names, sorted(speeds), self.detuning)
+        self._next = start.draw_offsets(self.np_random, self.car, drawn.friction, names, sorted(speeds), self.detuning)
         return drawn
 
-    def begin(self, drawn: Conditions, known: context.Known) -> tuple[NDArray[np.float32], dict[str, Any]]:
+    def begin(self, drawn: Conditions, known: context.Reference) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Start an episode in the context of drawn conditions: what :meth:`reset` returns."""
         self._drawn, self._start = (drawn, known), self._next
-        self.wanted = reward.wanted(self.terms, known.own, self.tolerance)
+        self.wanted = reward.wanted_terms(self.terms, known.own, self.tolerance)
         self._left = math.inf if self.sets is None else self.sets
         self._forget()
         nothing = {
@@ -296,10 +296,10 @@ class TuneEnv(PlainSpecification, gym.Env):
         RuntimeError
             The episode is over or has not begun, or the environment was closed.
         """
-        action = clipped(as_actions("action", action, self.action_space.shape))
+        action = clip_actions(as_actions("action", action, self.action_space.shape))
         if not self._left:
             raise RuntimeError("the episode is over or has not begun: call reset")
-        return self.told(action, driving.tried(self._drives, self.assist(action)))
+        return self.finish_step(action, driving.drive_set(self._drives, self.assist(action)))
 
     def close(self) -> None:
         """End the episode."""
@@ -307,10 +307,10 @@ class TuneEnv(PlainSpecification, gym.Env):
 
     def assist(self, action: NDArray[Any]) -> Assist:
         """The assist of an action in [-1, 1]."""
-        return tuned(self.car.assist, self._values(action))
+        return make_assist(self.car.assist, self._values(action))
 
-    def told(
-        self, action: NDArray[Any], tried: driving.Tried
+    def finish_step(
+        self, action: NDArray[Any], tried: driving.SetResult
     ) -> tuple[NDArray[np.float32], Any, bool, bool, dict[str, Any]]:
         """What :meth:`step` returns for an action and what its tests gave."""
         found, margins = tried

@@ -12,7 +12,7 @@ from steer_env.episode.randomise import RANGES
 from steer_env.metrics import definition
 from steer_env.registration import history
 from steer_env.tuning import reward, start
-from steer_env.tuning.env import DETUNING, DRAWN, SETS, TOLERANCE, TuneEnv, observed
+from steer_env.tuning.env import DETUNING, DRAWN, SETS, TOLERANCE, TuneEnv, observed_quantities
 from steer_env.tuning.parameters import KNOWN
 from steer_env.tuning.scenarios.common.definition import SCENARIOS, Scenario
 from steer_env.tuning.vector import TuneVectorEnv
@@ -20,7 +20,7 @@ from steer_env.vehicle import cars
 from steer_env.vehicle.steering.margins import TARGETS as MARGINS
 
 
-def _filled(text: str) -> str:
+def _wrap(text: str) -> str:
     return textwrap.fill(text, 118)
 
 
@@ -48,7 +48,7 @@ def _documentation(scenario: Scenario) -> str:
         actions.append((str(i), f"`{name}`: {p.meaning}", *ends, p.unit))
     observations = [
         (str(i), q.name.replace("_", " ") + f": {q.meaning}", f"{q.bound:.6g}", q.unit)
-        for i, q in enumerate(observed(scenario))
+        for i, q in enumerate(observed_quantities(scenario))
     ]
     terms = [
         (f"`{name}`", f"{term.weight:g}", f"{term.band.good[0]:g} to {term.band.good[1]:g}", definition(name).unit)
@@ -67,9 +67,9 @@ def _documentation(scenario: Scenario) -> str:
         for drive in scenario.drives
     ]
     sections = [
-        _filled(scenario.summary),
+        _wrap(scenario.summary),
         "## Action",
-        _filled(
+        _wrap(
             f"`Box(-1, 1, ({len(actions)},))`. The action is a parameter set of the assist, relative to the start of "
             "the episode. The values below are those of the packaged compact car with `detuning=0`, where 0 is every "
             "car's own value. 1 multiplies and -1 divides a factor or a corner by the same number; a strength is 0 "
@@ -80,24 +80,24 @@ def _documentation(scenario: Scenario) -> str:
         f"`Box({len(observations)},)`, clipped to the bounds. What concerns the last set is 0 before the first one.",
         table(("index", "observation", "bound", "unit"), observations),
         "## Reward",
-        _filled(REWARD),
+        _wrap(REWARD),
         table(("term", "weight", "band", "unit"), [*terms, *margins]),
         '## Cost\n\nFor constrained learning: `info["cost_terms"]` are the shortfalls of both margins, `info["cost"]` '
         "is their sum.",
         "## Tests",
-        _filled(
+        _wrap(
             "The tests are those of the battery with fewer events. The robot's handwheel angles are found with the "
             "car's own assist and are the same for every parameter set; each set is simulated at 1 kHz."
         ),
         table(("test", "hands", "speed"), drives),
         "## Metrics",
-        _filled(
+        _wrap(
             '`info["evaluated"]` has every metric of the tests with the last parameter set (`docs/metrics.md` defines '
             'them), `info["metrics"]` those with the best set so far; NaN where a metric is refused. The info of a '
             "reset has neither."
         ),
         "## Start",
-        _filled(
+        _wrap(
             "A context is drawn; `options` fix what would be drawn. The car's own assist is put out of tune: every "
             f"parameter by {start.LEAST * DETUNING:g} to {DETUNING:g} in the unit of the action, up or down, a "
             "strength up, so that the loop keeps two thirds of the wanted margins, where 20 draws find "
@@ -114,21 +114,21 @@ def _documentation(scenario: Scenario) -> str:
 
 
 @cache
-def _made(name: str) -> type[TuneEnv]:
+def _make_class(name: str) -> type[TuneEnv]:
     scenario = SCENARIOS[name]
     fields = {"scenario": scenario, "__doc__": _documentation(scenario), "__module__": __name__}
     return type(name, (TuneEnv,), fields)
 
 
 @cache
-def _vector(name: str) -> type[TuneVectorEnv]:
-    fields = {"single": _made(name), "__doc__": TuneVectorEnv.__doc__, "__module__": __name__}
+def _make_vector_class(name: str) -> type[TuneVectorEnv]:
+    fields = {"single": _make_class(name), "__doc__": TuneVectorEnv.__doc__, "__module__": __name__}
     return type(f"{name}Vector", (TuneVectorEnv,), fields)
 
 
 def __getattr__(name: str) -> type[TuneEnv] | type[TuneVectorEnv]:
     if name in SCENARIOS.available():
-        return _made(name)
+        return _make_class(name)
     if (single := name.removesuffix("Vector")) in SCENARIOS.available():
-        return _vector(single)
+        return _make_vector_class(single)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

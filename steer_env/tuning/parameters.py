@@ -103,7 +103,7 @@ FUNCTIONS = {
 KNOWN: dict[str, Parameter | Strength] = {**PARAMETERS, **FUNCTIONS}
 
 
-def reported(names: tuple[str, ...]) -> tuple[str, ...]:
+def reported_parameters(names: tuple[str, ...]) -> tuple[str, ...]:
     """Every parameter whose value is told where the action sets those named."""
     return (*PARAMETERS, *(name for name in FUNCTIONS if name in names))
 
@@ -115,7 +115,7 @@ def values(a: Assist, names: tuple[str, ...], position: Array) -> dict[str, floa
 
 def complete(a: Assist, given: Mapping[str, float]) -> dict[str, float]:
     """The value of every parameter: those that are given, whatever else is, and the car's own of the others."""
-    return {name: given.get(name, KNOWN[name].value(a, 0.0)) for name in reported(tuple(given))}
+    return {name: given.get(name, KNOWN[name].value(a, 0.0)) for name in reported_parameters(tuple(given))}
 
 
 def keys(a: Assist, p: Mapping[str, float]) -> dict[str, Any]:
@@ -149,6 +149,6 @@ def car_with(car: Car, assist: Mapping[str, Any], name: str) -> Car:
     return cars.load({**car.data(), "name": name, "assist": assist})
 
 
-def tuned(a: Assist, p: Mapping[str, float]) -> Assist:
+def make_assist(a: Assist, p: Mapping[str, float]) -> Assist:
     """The assist of a car with a value for every parameter, checked by :func:`steer_env.vehicle.steering.eps.make`."""
     return eps.make(**keys(a, p))

@@ -1,8 +1,8 @@
 """Reward of a parameter set: distances of its metrics from wanted bands, and shortfall of the loop's margins.
 
 A wanted band is a tenth of the target band, about the value that the car's own assist gives, moved into the target band
-where that is not in it (:func:`wanted`). So the wanted bands can nearly be reached together, in any context, and cover
-a small part of the parameters.
+where that is not in it (:func:`wanted_terms`). So the wanted bands can nearly be reached together, in any context, and
+cover a small part of the parameters.
 """
 
 import math
@@ -45,7 +45,7 @@ def terms(scenario: Scenario, targets: Targets, weights: Mapping[str, float] | N
     return {name: Term(band, not_negative(f"weights[{name!r}]", weighted[name])) for name, band in bands.items()}
 
 
-def wanted(every: Mapping[str, Term], own: Mapping[str, Value], tolerance: float) -> dict[str, Term]:
+def wanted_terms(every: Mapping[str, Term], own: Mapping[str, Value], tolerance: float) -> dict[str, Term]:
     """The terms with the wanted bands: as wide as the target bands times the tolerance, at the car's own metrics.
 
     Parameters
@@ -68,7 +68,7 @@ def wanted(every: Mapping[str, Term], own: Mapping[str, Value], tolerance: float
     return found
 
 
-def worst(wanted: Mapping[str, Term], name: str) -> float:
+def worst_reward(wanted: Mapping[str, Term], name: str) -> float:
     """The smallest value of a term of the reward."""
     return -wanted[name].weight * MAX_DISTANCE if name in wanted else -MARGIN_WEIGHT
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from steer_env.friction.sites import transmissions
 from steer_env.tuning import reward
-from steer_env.tuning.parameters import FUNCTIONS, tuned, values
+from steer_env.tuning.parameters import FUNCTIONS, make_assist, values
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.steering.margins import TARGETS as MARGINS
 from steer_env.vehicle.steering.margins import least, worst_margins
@@ -25,7 +25,7 @@ SHARE = 2.0 / 3.0  # of the wanted margins that the start keeps; assumed [1]
 TRIES = 20  # offsets that are drawn at most; the one with the largest margins is taken where none keeps them
 
 
-def drawn(
+def draw_offsets(
     rng: np.random.Generator, car: Car, friction: Any, names: tuple[str, ...], speeds: Sequence[float], largest: float
 ) -> Array:
     """Offsets (n,) of the named parameters, with which the loop is stable at the speeds of the tests [m/s]."""
@@ -36,7 +36,7 @@ def drawn(
     for _ in range(TRIES):
         sign = np.where(upward, 1.0, rng.choice((-1.0, 1.0), len(names)))
         offset = sign * rng.uniform(LEAST, 1.0, len(names)) * largest
-        kept = _kept(car, passed, names, speeds, offset)
+        kept = _margin_share(car, passed, names, speeds, offset)
         if kept > most:
             best, most = offset, kept
         if most >= SHARE:
@@ -44,9 +44,11 @@ def drawn(
     return best
 
 
-def _kept(car: Car, passed: tuple[float, ...], names: tuple[str, ...], speeds: Sequence[float], offset: Array) -> float:
+def _margin_share(
+    car: Car, passed: tuple[float, ...], names: tuple[str, ...], speeds: Sequence[float], offset: Array
+) -> float:
     """The smaller share of a wanted margin that an offset keeps [1]; 0 where the loop is unstable."""
-    assist = tuned(car.assist, values(car.assist, names, offset))
+    assist = make_assist(car.assist, values(car.assist, names, offset))
     found = least([worst_margins(car.column, assist, speed, passed) for speed in speeds])
     shares = (margin / wanted for margin, wanted in zip(reward.degrees_and_decibels(found), MARGINS))
     return min(shares) if found.stable else 0.0

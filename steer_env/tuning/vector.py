@@ -20,14 +20,14 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from steer_env.engine.specification import PlainSpecification
-from steer_env.env import as_actions, clipped
+from steer_env.env import as_actions, clip_actions
 from steer_env.episode.randomise import Conditions
 from steer_env.friction.numerics.check import whole
 from steer_env.friction.numerics.thread_pool import most_threads
 from steer_env.friction.numerics.worker_process import end_processes, run_in_processes
 from steer_env.tuning import driving
-from steer_env.tuning.context import Known
-from steer_env.tuning.driving import PreparedDrive, Tried
+from steer_env.tuning.context import Reference
+from steer_env.tuning.driving import PreparedDrive, SetResult
 from steer_env.tuning.env import TuneEnv
 from steer_env.tuning.scenarios.common.definition import SCENARIOS
 from steer_env.vehicle.cars import Car
@@ -52,16 +52,16 @@ class Job(NamedTuple):
     assist: Assist | None = None  # None: the context is only prepared
 
 
-class _Kept(NamedTuple):
-    known: Known
+class _PreparedContext(NamedTuple):
+    known: Reference
     drives: tuple[PreparedDrive, ...]
 
 
-_in_worker: OrderedDict[str, _Kept] = OrderedDict()  # by key, the last used one at the end
+_in_worker: OrderedDict[str, _PreparedContext] = OrderedDict()  # by key, the last used one at the end
 
 
-def perform(job: Job, kept: OrderedDict[str, _Kept] = _in_worker) -> Any:
-    """The :class:`Known` of a job, or what its assist gives there (:class:`Tried`).
+def perform(job: Job, kept: OrderedDict[str, _PreparedContext] = _in_worker) -> Any:
+    """The :class:`Reference` of a job, or what its assist gives there (:class:`SetResult`).
 
     Raises
     ------
@@ -70,13 +70,13 @@ def perform(job: Job, kept: OrderedDict[str, _Kept] = _in_worker) -> Any:
     """
     if job.key not in kept:
         name, car, chassis, drawn = pickle.loads(job.course)
-        drives = driving.prepare(SCENARIOS[name], car, chassis, drawn)
-        kept[job.key] = _Kept(driving.known(drives, car, chassis, drawn), drives)
+        drives = driving.prepare_drives(SCENARIOS[name], car, chassis, drawn)
+        kept[job.key] = _PreparedContext(driving.measure_reference(drives, car, chassis, drawn), drives)
     kept.move_to_end(job.key)
     while len(kept) > job.keep:
         kept.popitem(last=False)
     own = kept[job.key]
-    return own.known if job.assist is None else driving.tried(own.drives, job.assist)
+    return own.known if job.assist is None else driving.drive_set(own.drives, job.assist)
 
 
 class Workers:
@@ -84,7 +84,7 @@ class Workers:
 
     def __init__(self, count: int) -> None:
         self.count = count
-        self._kept: OrderedDict[str, _Kept] = OrderedDict()  # of this process
+        self._kept: OrderedDict[str, _PreparedContext] = OrderedDict()  # of this process
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_kept": OrderedDict()}
@@ -214,7 +214,7 @@ class TuneVectorEnv(PlainSpecification, VectorEnv):
         RuntimeError
             An episode is over with DISABLED, or none has begun.
         """
-        actions, over = clipped(as_actions("actions", actions, self.action_space.shape)), self._over.copy()
+        actions, over = clip_actions(as_actions("actions", actions, self.action_space.shape)), self._over.copy()
         if over.any() and (self.autoreset_mode == AutoresetMode.DISABLED or not self._begun):
             raise RuntimeError("an episode is over or has not begun: call reset")
         # NEXT_STEP: this step resets what is over, whatever the action was.
@@ -223,7 +223,7 @@ class TuneVectorEnv(PlainSpecification, VectorEnv):
         told = self._started(drawn)
         rewards, truncated = np.zeros(self._reward_shape, self._reward_type), np.zeros(self.num_envs, bool)
         for i, found in tried.items():
-            self._observations[i], rewards[i], _, truncated[i], told[i] = self.envs[i].told(actions[i], found)
+            self._observations[i], rewards[i], _, truncated[i], told[i] = self.envs[i].finish_step(actions[i], found)
         self._over |= truncated
         last = {}
         if self.autoreset_mode == AutoresetMode.SAME_STEP and truncated.any():
@@ -235,7 +235,7 @@ class TuneVectorEnv(PlainSpecification, VectorEnv):
         info = self._gathered(told, self._gathered(last))
         return self._observations.copy(), rewards, np.zeros(self.num_envs, bool), truncated, info
 
-    def _evaluated(self, drawn: dict[int, Conditions], assists: dict[int, Assist]) -> dict[int, Tried]:
+    def _evaluated(self, drawn: dict[int, Conditions], assists: dict[int, Assist]) -> dict[int, SetResult]:
         """Prepare the contexts of drawn conditions, and drive assists in their contexts, all at once.
 
         The jobs of contexts that are new come first; their results are kept, and those of the assists are returned.
@@ -303,4 +303,4 @@ class _Context:
 
     drawn: Conditions
     job: Job  # that prepares it, and with an assist drives it
-    known: Known | None = None  # once it is prepared
+    known: Reference | None = None  # once it is prepared

@@ -11,7 +11,7 @@ import time
 
 from steer_env.experiments.calibration import search
 from steer_env.experiments.calibration.problem import Range
-from steer_env.experiments.calibration.search import Found, Job, WorkerOf
+from steer_env.experiments.calibration.search import Job, SetResult, WorkerOf
 
 RANGES = (
     Range("x", "1", 0.0, 1.0, 0.9, False, (0.0, 8.0)),
@@ -23,7 +23,7 @@ def evaluate(seconds, values):
     """Distances from x = 2, beyond its range, and from y = 3, where x + y must be at most 20."""
     time.sleep(seconds)
     x, y = values["x"], values["y"]
-    return Found((abs(x - 2.0), abs(y - 3.0)), {"sum": x + y - 20.0}, [[x - 2.0], [y - 3.0]], {"metrics": {}})
+    return SetResult((abs(x - 2.0), abs(y - 3.0)), {"sum": x + y - 20.0}, [[x - 2.0], [y - 3.0]], {"metrics": {}})
 
 
 def job(out, budget, seconds=0.0, **options):

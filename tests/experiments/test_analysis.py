@@ -80,7 +80,7 @@ def test_the_compact_keeps_its_margins_with_a_part_of_the_friction_above_the_bar
     car = cars.load("compact")
     cells = margin_map.standing(car, split) + margin_map.of_car(car, split, (0.0,), "single_track")
     assert sum(cell.margins is not None for cell in cells) > 150
-    assert margin_map.missed(cells) == []
+    assert margin_map.cells_below_limits(cells) == []
 
 
 @pytest.mark.whole

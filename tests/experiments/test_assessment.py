@@ -518,7 +518,7 @@ def test_what_would_have_been_shown_is_shown_behind_noise(behind_noise):
 def behind_noise():
     """What a simulation of the default car says it would have shown, and whether it agrees with a noisy other one."""
     clean = simulated(cycles=6)
-    allowed, own = simulation_vs_measurement.tolerances(), comparison_power.simulated(clean)
+    allowed, own = simulation_vs_measurement.tolerances(), comparison_power.simulation_of(clean)
     found = comparison_power.power(clean, "weave", allowed, frozenset(LOGGED))
     sides = [(each.parameter, end) for each in found.parameters for end in (each.below, each.above) if end]
     assert len(sides) >= 8

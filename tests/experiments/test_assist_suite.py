@@ -87,7 +87,7 @@ def test_a_quicker_loop_ripples_with_delay():
 
 def test_the_pulse_is_that_of_free_control():
     """Without an assist, the drive is the plant's run of :func:`steer_env.vehicle.analysis.free_control.pulse`."""
-    found = assist_suite.driven(drive("pulse"), partial(assists.make, "boost"), WEAVE)
+    found = assist_suite.drive_rows(drive("pulse"), partial(assists.make, "boost"), WEAVE)
     own = free_control.pulse(cars.load().plant(speed=180.0 / 3.6)).record[: 10 * len(found.angle)]
     angle = own[9::10, CHANNEL["handwheel_angle"]]
     place = [row.place for row in drive("pulse").rows].index("180 km/h")
@@ -119,7 +119,7 @@ def test_a_controller_sees_what_its_task_observes():
             seen.setdefault("last", []).append(observations.last_action[0])
             return np.full(self.n, 0.5)
 
-    assist_suite.driven(drive("release"), Watching, "steer_env/AssistRelease-v4")
+    assist_suite.drive_rows(drive("release"), Watching, "steer_env/AssistRelease-v4")
     released = np.flatnonzero(seen["released"])
     assert released[0] == 400  # 4 s: the hands turn for 1.5 s and hold for 2.5 s
     assert seen["last"][:3] == pytest.approx([0.0, 0.05, 0.05])
@@ -155,7 +155,7 @@ def test_the_suite_tells_a_wanted_return_as_the_environment_does():
 
     late = drive("release")
     place = next(i for i, row in enumerate(late.rows) if row.variant == "20 ms more delay")
-    assist_suite.driven(late, Watching, env_id)
+    assist_suite.drive_rows(late, Watching, env_id)
     for row, delay in ((0, 0), (place, 2)):
         angle, speed, released, error, speed_error = np.array(seen)[:, row].T
         first = int(np.flatnonzero(released)[0])
@@ -225,16 +225,16 @@ def test_a_baseline_is_the_best_known_by_default(tmp_path, monkeypatch):
         assist_tuning.keep(WEAVE, {name: assist_tuning.as_json(found, 4)}, path)
     assert list(json.loads(path.read_text())[WEAVE]) == ["damping", "active_return"]
     monkeypatch.setattr(definition, "TUNED", path)
-    definition._kept.cache_clear()
+    definition._search_results.cache_clear()
     try:
         weave, parking = gym.make(WEAVE), gym.make("steer_env/AssistParking-v3")
         assert assists.make("damping", weave).gain == 1.5
         assert assists.make("damping", weave, gain=2.0).gain == 2.0
-        assert controllers.named("damping", WEAVE)(weave).gain == 1.5
+        assert controllers.controller_named("damping", WEAVE)(weave).gain == 1.5
         usual = assists.make("damping", weave, tuned=False).gain
         assert usual == assists.make("damping", parking).gain != 1.5
     finally:
-        definition._kept.cache_clear()
+        definition._search_results.cache_clear()
 
 
 def test_what_is_known_to_be_best_is_of_ids_and_options_that_there_are():

@@ -126,7 +126,7 @@ def test_a_drive_has_its_law_and_one_policy_enters_all_drives_of_its_id(monkeypa
         assert name == f"{RELEASE} {law}"
         assert result.episodes[name][CONTROLLER].reward.tolist() == alone.reward.tolist()
     assert len({each[ZERO].reward[0] for each in result.episodes.values()}) == 2
-    assert scores.thresholds([benchmark.scored(benchmark.document(result))]) == {}
+    assert scores.thresholds([benchmark.score_entry(benchmark.document(result))]) == {}
 
 
 def test_a_tuner_is_worth_its_best_set_and_a_search_comes_near_the_own_assist():
@@ -436,7 +436,7 @@ def test_a_bad_command_is_refused_in_one_sentence(words, message, there, capsys)
 def test_policies_enter_the_ids_of_their_training():
     of = benchmark.suite("assists")
     found = benchmark.entry("shipped", of)
-    files = {env_id: policy.shipped(env_id) for env_id in found.makers}
+    files = {env_id: policy.shipped_policy(env_id) for env_id in found.makers}
     assert set(files) == {id_of("AssistAllRound"), id_of("AssistWeave")}
     assert found.sha256 == {env_id: hashlib.sha256(file.read_bytes()).hexdigest() for env_id, file in files.items()}
     assert found.cautions == ()
@@ -521,7 +521,7 @@ def test_an_archive_that_is_no_policy_is_refused(tmp_path):
 def test_two_policies_of_an_id_are_refused(tmp_path):
     for name in ("one", "two"):
         (tmp_path / name).mkdir()
-        (tmp_path / name / "policy.zip").write_bytes(policy.shipped(id_of("AssistWeave")).read_bytes())
+        (tmp_path / name / "policy.zip").write_bytes(policy.shipped_policy(id_of("AssistWeave")).read_bytes())
     with pytest.raises(ValueError, match="an entry has one policy for each id"):
         benchmark.entry(str(tmp_path), benchmark.suite("assists"))
     assert len(benchmark.entry(str(tmp_path / "one"), benchmark.suite("assists")).cautions) == 1
@@ -534,7 +534,7 @@ def test_the_table_ranks_the_entries_by_their_scores(short):
     for name, rewards in found.items():
         result = result_of(made(rewards, references, zeros, 1.5))
         result = result._replace(controller={**result.controller, "name": name})
-        results.append(benchmark.scored(benchmark.document(result)))
+        results.append(benchmark.score_entry(benchmark.document(result)))
     (standing,) = benchmark_page.standings(results[::-1])
     assert standing.names == ["good", "bad"]
     rows = standing.summary().rows
@@ -554,7 +554,7 @@ def test_scores_and_thresholds_come_from_a_folder_of_results(entered, short, tmp
     thresholds.write_text(json.dumps({"other": 1.0, RELEASE: 5.0}))
     assert maintain(["scores", str(folder), "--out", str(kept), "--thresholds", str(thresholds)]) == 0
     (entry,) = scores.read(kept)
-    assert entry.score == benchmark.scored(entered).score
+    assert entry.score == benchmark.score_entry(entered).score
     reward = entered["parts"][RELEASE]["summary"]["reward"]["value"]
     assert json.loads(thresholds.read_text()) == {"other": 1.0, RELEASE: scores.rounded_down(reward)}
     assert f"`reward_threshold`: {scores.rounded_down(reward):g}." in scores.markdown([entry])

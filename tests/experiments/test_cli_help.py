@@ -15,7 +15,7 @@ from steer_env.experiments.cli.common.messages import in_options
 from steer_env.experiments.cli.main import main, parser
 from steer_env.experiments.cli.study import SWEEPING
 from steer_env.experiments.learning import policy_report
-from steer_env.friction.numerics.registry import dashed, listed
+from steer_env.friction.numerics.registry import modules_by_name, with_dashes
 from steer_env.live import devices
 from steer_env.live.drive import scene
 from steer_env.recording import Recording, can_log, files
@@ -164,7 +164,7 @@ def test_a_refusal_is_printed_once(tmp_path, capsys):
     assert not any(re.search(r"speed_m_s|frequency_hz=|between\(", reason) for reason in reasons)
 
 
-@pytest.mark.parametrize("name", listed("steer_env.experiments.studies", dashed))
+@pytest.mark.parametrize("name", modules_by_name("steer_env.experiments.studies", with_dashes))
 def test_every_study_has_help(name, capsys):
     with pytest.raises(SystemExit) as stop:
         main(["study", name, "--help"])

@@ -16,7 +16,7 @@ from steer_env.experiments.studies.common import friction_distinction as distinc
 from steer_env.experiments.studies.common import friction_records as records
 from steer_env.experiments.studies.common import friction_results
 from steer_env.experiments.studies.common.friction_results import Scope
-from steer_env.experiments.studies.common.scaling import powers, scaled
+from steer_env.experiments.studies.common.scaling import powers, scale_record
 from steer_env.experiments.studies.real_time import Row
 from steer_env.metrics import Value
 from steer_env.metrics.common.filtered_channels import ANGLE, TORQUE
@@ -35,7 +35,7 @@ def test_a_scaled_law_has_the_scaled_torque_at_the_scaled_displacement(name):
     torque = friction.response(p, x, 1e-2)
     if name == "viscous":  # a law of the speed alone
         b = 1.0
-    np.testing.assert_allclose(friction.response(scaled(p, a, b), b * x, 1e-2), a * torque, rtol=0.0, atol=2e-7)
+    np.testing.assert_allclose(friction.response(scale_record(p, a, b), b * x, 1e-2), a * torque, rtol=0.0, atol=2e-7)
 
 
 def test_powers_of_a_unit_are_read():
@@ -89,10 +89,10 @@ def test_half_the_step_changes_little_and_a_level_much(every):
 
 
 def test_paired_differences_by_hand():
-    gap, half = cases.paired([2.0, 3.0, 5.0], [1.0, 1.0, 2.0])
+    gap, half = cases.paired_difference([2.0, 3.0, 5.0], [1.0, 1.0, 2.0])
     assert gap == pytest.approx(2.0)
     assert half == pytest.approx(4.302652729911275 / math.sqrt(3.0))  # Student's t for two degrees of freedom
-    assert math.isnan(cases.paired([1.0], [0.0])[1])
+    assert math.isnan(cases.paired_difference([1.0], [0.0])[1])
 
 
 def test_the_laws_are_told_apart_where_they_should_be():
@@ -183,7 +183,7 @@ def _results(every):
         effects=cases.effects(every, driven),
         apart=distinction.differences(laws, "lugre"),
         held=ripples,
-        driven=[cases.Driven(law, "steer_env/AssistWeave-v3", {"rms_hand_torque": [1.0, 1.1]}) for law in laws],
+        driven=[cases.DriverEpisodes(law, "steer_env/AssistWeave-v3", {"rms_hand_torque": [1.0, 1.1]}) for law in laws],
         confusion=confused,
     )
 
@@ -204,7 +204,7 @@ def test_findings_are_those_of_the_numbers(results):
     factors = friction_study.of_factors(results)
     assert factors["stronger"][cases.LEVEL] == 1.0
     assert factors["noticed"] == [cases.LEVEL]
-    assert not friction_study.apart(results)["shaking"]
+    assert not friction_study.laws_told_apart(results)["shaking"]
     loop = friction_study.in_loop(results)
     assert (loop["large"], loop["comparisons"]) == (0, 1)
     assert not any(each["taken"] for each in friction_study.confusion(results))
@@ -219,7 +219,7 @@ def test_other_numbers_give_other_findings(results):
     assert accuracy["sure"].law == "dahl"
     loud = [each._replace(ripple=0.05, lasting=1.0) for each in results.held if each.law == "dahl"]
     others = [each for each in results.held if each.law != "dahl"]
-    assert friction_study.apart(results._replace(held=loud + others))["shaking"] == ["dahl"]
+    assert friction_study.laws_told_apart(results._replace(held=loud + others))["shaking"] == ["dahl"]
     taken = [each._replace(remain=LAWS) for each in results.confusion]
     found, *_ = friction_study.confusion(results._replace(confusion=taken))
     assert found["taken"]["dahl"] == ["lugre", "coulomb"]

@@ -13,7 +13,7 @@ def results():
 
 
 def test_the_comparison_is_repeated_and_its_cause_named(results):
-    found = held_torque.compared(results)
+    found = held_torque.compare(results)
     assert found.vibrates
     assert found.damper_is_cause
     assert not found.fed  # the lighter damper ends what the assist feeds
@@ -22,12 +22,12 @@ def test_the_comparison_is_repeated_and_its_cause_named(results):
 
 def test_a_vibration_that_outlasts_the_lighter_damper_is_told(results):
     lasting = results._replace(tests=[test._replace(lasting=1.0) for test in results.tests])
-    assert {each.masing.assist for each in held_torque.compared(lasting).fed} == {"on", "off"}
+    assert {each.masing.assist for each in held_torque.compare(lasting).fed} == {"on", "off"}
 
 
 def test_without_a_difference_the_comparison_says_so(results):
     calm = [test._replace(ripple=1e-3, ripple_fine=2e-3, lasting=0.1) for test in results.tests]
-    found = held_torque.compared(results._replace(tests=calm))
+    found = held_torque.compare(results._replace(tests=calm))
     assert not found.vibrates
     assert not found.fed
     assert not found.step_is_small

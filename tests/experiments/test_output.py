@@ -150,7 +150,7 @@ def test_the_digest_covers_all_four_packages_once():
     assert not [name for name in found if name.startswith("steer_env/")]
 
 
-@style.styled
+@style.as_svg
 def _drawn():
     figure = style.new_figure(4.0, 3.0)
     axes = figure.subplots()
@@ -207,7 +207,7 @@ def _absolute(path):
 
 
 def test_pictures_are_kept_as_files_with_their_data(tmp_path):
-    with style.kept(tmp_path):
+    with style.picture_folder(tmp_path):
         text = [_drawn(), _drawn()][0]
     expected = {f"drawn{number}.{form}" for form in ("csv", "pdf", "png", "svg") for number in ("", "_2")}
     assert {each.name for each in tmp_path.iterdir()} == expected
@@ -233,7 +233,7 @@ def test_a_table_with_a_decimal_comma_is_the_same_table():
 
 def test_the_data_of_a_picture_name_its_rows(tmp_path):
     """Dots of laws stand at places, whose names are in the file as they are in the picture."""
-    with style.kept(tmp_path):
+    with style.picture_folder(tmp_path):
         pictures.dots({"lugre": (1.0, 0.9, 1.1), "bouc_wen": (2.0, 1.9, 2.2)}, "left [%]", name="left")
     rows = list(csv.DictReader((tmp_path / "left.csv").read_text(encoding="utf-8").splitlines()))
     found = {(row["y_name"], float(row["x"])) for row in rows}

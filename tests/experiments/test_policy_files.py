@@ -40,7 +40,7 @@ def _changed(source, target, members):
 
 def test_a_damaged_policy_is_refused_or_whole(tmp_path):
     """Bytes changed, and the end cut off: a sentence that names the file, unless nothing that counts was hit."""
-    whole, path = policy.shipped(SHIPPED[0]).read_bytes(), tmp_path / "policy.zip"
+    whole, path = policy.shipped_policy(SHIPPED[0]).read_bytes(), tmp_path / "policy.zip"
     rng, refused = np.random.default_rng(4), 0
     for case in range(120):
         damaged = bytearray(whole)
@@ -55,7 +55,7 @@ def test_a_damaged_policy_is_refused_or_whole(tmp_path):
 
 
 def test_a_description_of_another_form_is_refused(tmp_path):
-    shipped = policy.shipped(SHIPPED[0])
+    shipped = policy.shipped_policy(SHIPPED[0])
     about = policy.about(shipped)
     for changes, message in (
         ({"friction": 1}, "friction in steer_env.json must be of the type str, got 1"),
@@ -78,7 +78,7 @@ def _equal(path, model):
 
 @pytest.mark.parametrize("env_id", SHIPPED)
 def test_shipped_policies_act_as_stable_baselines3_to_the_bit(env_id):
-    _equal(policy.shipped(env_id), stable_baselines3.PPO)
+    _equal(policy.shipped_policy(env_id), stable_baselines3.PPO)
 
 
 @pytest.mark.whole
@@ -144,6 +144,6 @@ def test_weights_that_do_not_fit_the_description_are_refused(hidden, trained):
 
 
 def test_shipped_policies_need_no_caution(trained):
-    path = policy.shipped(SHIPPED[0])
+    path = policy.shipped_policy(SHIPPED[0])
     assert policy.caution(path, policy.about(path)) == ""
     assert "(as it does here)" in policy.caution(trained, {"algorithm": "recurrent-ppo"})

@@ -16,7 +16,7 @@ from steer_env.experiments.calibration import population, production, production
 from steer_env.experiments.calibration.variation import Outputs
 from steer_env.experiments.cli.main import main
 from steer_env.tuning import driving
-from steer_env.tuning.driving import thinned
+from steer_env.tuning.driving import thin_out
 from steer_env.vehicle import cars
 
 RANGES = {"column.K_tb": 0.1, "friction_level": (0.7, 1.3), "boost_level": 0.05}
@@ -66,7 +66,7 @@ def test_draws_have_their_distribution():
     factors = study().factors
     low, high = factors[1].low, factors[1].high
     of = {
-        kind: np.array([population.drawn(factors, 0, k, kind)[1] for k in range(2000)])
+        kind: np.array([population.draw_car(factors, 0, k, kind)[1] for k in range(2000)])
         for kind in ("uniform", "normal")
     }
     assert all(low <= x.min() and x.max() <= high for x in of.values())
@@ -94,7 +94,7 @@ def test_a_row_with_an_amplitude_is_the_drive_of_the_car_with_it():
     for row, load in enumerate(found.parameters["load"]):
         driven = manoeuvres.drive(cars.load().loaded(load), manoeuvres.make("weave", **options), "lugre")
         assert driven.meta["amplitude_rad"] == 0.26
-        for name, value in metrics.evaluate(thinned(driven, 10), intervals=False).items():
+        for name, value in metrics.evaluate(thin_out(driven, 10), intervals=False).items():
             assert found.outputs[f"weave.{name}"][row] == pytest.approx(value.value, rel=1e-12), name
 
 

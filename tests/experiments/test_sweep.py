@@ -175,12 +175,12 @@ def test_a_worker_with_another_own_law_refuses(own):
     mine = work.identity(["my_law"])
     assert set(mine) - set(work.identity()) == {"module my_law", "module my_table"}
     task = work.Task(0, work.name_of(cases.rooted), pickle.dumps(2), mine, ("my_law",))
-    assert not work.perform(task).failure
+    assert not work.perform_case(task).failure
     own(my_table="K = 20.0\n")
-    found = work.perform(task)
+    found = work.perform_case(task)
     assert found.failure == work.REFUSED
     assert re.search(r"has module my_table \w+ in place of \w+: install there what", found.message)
-    found = work.perform(task._replace(modules=("not_there",)))
+    found = work.perform_case(task._replace(modules=("not_there",)))
     assert (found.failure, "No module named 'not_there'" in found.message) == (work.REFUSED, True)
 
 

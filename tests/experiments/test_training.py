@@ -399,7 +399,7 @@ def test_evaluation_writes_its_report(trained, tmp_path):
 
 @pytest.mark.whole
 def test_identified_laws_are_near_the_one_that_was_recorded():
-    found = {law.label: law.parameters for law in shift.identified(LUGRE)}
+    found = {law.label: law.parameters for law in shift.identify_laws(LUGRE)}
     assert {"dahl, identified", "lugre, identified", "masing, identified"} <= set(found)
     assert not {"coulomb, identified", "stribeck, identified", "viscous, identified"} & set(found)  # not described
     assert found["lugre, identified"].F_c == pytest.approx(LUGRE.parameters.F_c, rel=0.01)
@@ -552,7 +552,7 @@ def test_settings_of_an_id_stand_over_the_common_ones():
 @pytest.mark.parametrize("env_id", [id_of("AssistWeave"), id_of("AssistAllRound")])
 def test_a_shipped_assist_knows_no_condition_that_is_no_longer_drawn(env_id):
     drawn = training.conditions(env_id)["randomise"]
-    for name, (low, high) in policy.conditions(policy.about(policy.shipped(env_id)))["randomise"].items():
+    for name, (low, high) in policy.conditions(policy.about(policy.shipped_policy(env_id)))["randomise"].items():
         assert drawn[name][0] <= low, name
         assert drawn[name][1] >= high, name
 

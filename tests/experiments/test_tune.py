@@ -26,7 +26,7 @@ COMPLETE, RUNNING = optuna.trial.TrialState.COMPLETE, optuna.trial.TrialState.RU
 
 def study_of(one):
     with search.quiet(), storage.alone(search.Path(one.out)):
-        return search.current(one, storage.opened(search.Path(one.out), one.address))
+        return search.current(one, storage.open_storage(search.Path(one.out), one.address))
 
 
 def process(out, budget, seconds, *more):
@@ -52,11 +52,11 @@ def test_killed_and_resumed_it_tries_the_same_sets(tmp_path, sampler):
     search.work(WorkerOf(whole, 1))
     for hangs, count in ((5, 4), (22, 25)):
         with process(killed.out, budget, 0.0, sampler, hangs) as running:
-            wait_for(lambda count=count: len(search.finished(study_of(killed))) == count)
+            wait_for(lambda count=count: len(search.finished_sets(study_of(killed))) == count)
             wait_for(lambda: study_of(killed).get_trials(deepcopy=False, states=(RUNNING,)))
             running.kill()
     assert search.work(WorkerOf(killed, 1)) == 5
-    first, again = (search.finished(study_of(one)) for one in (whole, killed))
+    first, again = (search.finished_sets(study_of(one)) for one in (whole, killed))
     assert len(first) == len(again) == budget
     one, other = (sorted((t.params["x"], t.params["y"]) for t in trials) for trials in (first, again))
     assert one == other
@@ -67,7 +67,7 @@ def test_begins_with_the_starting_point_and_widens_where_the_optimum_is_on_a_lim
     one = job(tmp_path, 45)
     search.work(WorkerOf(one, 0))
     study = study_of(one)
-    done = search.finished(study)
+    done = search.finished_sets(study)
     assert done[0].params == {"x": 0.9, "y": 1.0}
     x = search.ranges(study)[0]
     assert x.low == 0.0
@@ -90,7 +90,7 @@ def test_seeds_give_sets_of_their_own(tmp_path, sampler):
         one = job(tmp_path / str(seed), 30, name=sampler, sampler=sampler, seed=seed, widens=False)
         (tmp_path / str(seed)).mkdir()
         search.work(WorkerOf(one, 0))
-        found += [tuple(t.params.values()) for t in search.finished(study_of(one))]
+        found += [tuple(t.params.values()) for t in search.finished_sets(study_of(one))]
     assert len(set(found)) == 3 * 30 - 2  # the starting point is common
 
 
@@ -98,16 +98,16 @@ def test_a_round_that_was_not_made_whole_is_made_again(tmp_path):
     one = job(tmp_path, 6)
     search.work(WorkerOf(one, 0))
     with search.quiet():
-        optuna.create_study(study_name="surface-2", storage=storage.opened(tmp_path), directions=["minimize"])
+        optuna.create_study(study_name="surface-2", storage=storage.open_storage(tmp_path), directions=["minimize"])
     study = study_of(one)
     assert study.study_name == "surface-1"
-    assert len(search.finished(study)) == 6
+    assert len(search.finished_sets(study)) == 6
 
 
 def test_ranges_end_where_the_parameter_does():
-    wider = search.widened(RANGES, {"x": 0.5, "y": 9.99})
+    wider = search.widen_ranges(RANGES, {"x": 0.5, "y": 9.99})
     assert wider == RANGES
-    low = search.widened(RANGES, {"x": 1.0, "y": 0.1})
+    low = search.widen_ranges(RANGES, {"x": 1.0, "y": 0.1})
     assert (low[0].low, low[0].high) == (0.0, 1.5)
     assert low[1].low == pytest.approx(0.01)
 
@@ -117,7 +117,7 @@ def test_ranges_end_where_the_parameter_does():
 def test_an_own_value_beyond_the_usual_limits_stays_in_a_range_that_is_widened(value):
     own = cars.load("compact", {"assist.return_gain": 5.0, "assist.return_saturation": value})
     (r,) = problem.ranges_of(own.assist, ("return_saturation",))
-    (wider,) = search.widened((r,), {"return_saturation": value})
+    (wider,) = search.widen_ranges((r,), {"return_saturation": value})
     assert wider.low <= value <= wider.high
 
 
@@ -132,7 +132,7 @@ def test_processes_share_a_study_and_lose_no_set_of_a_killed_one(tmp_path):
     with process(tmp_path, budget, 60.0) as killed:
         (lost,) = wait_for(taken)
         with process(tmp_path, budget, 0.1) as other:
-            wait_for(lambda: len(search.finished(study_of(one))) > 1)
+            wait_for(lambda: len(search.finished_sets(study_of(one))) > 1)
             killed.kill()
             shared = int(other.communicate(timeout=120)[0])
     trials = study_of(one).get_trials(deepcopy=False)
@@ -151,7 +151,7 @@ def test_torn_journal(tmp_path):
     storage.require_whole(path, told.append)
     assert path.read_bytes() == whole
     assert "ended within a line" in told[0]
-    assert len(search.finished(study_of(one))) == 5
+    assert len(search.finished_sets(study_of(one))) == 5
 
 
 def test_locked_journal(tmp_path):
@@ -159,17 +159,17 @@ def test_locked_journal(tmp_path):
     with held, pytest.raises(OSError, match=r"locked by another process for 0.05 s: end that process, or wait"):
         wanted.acquire()
     with wanted:
-        assert not storage.FileLock(wanted.path).tried()
+        assert not storage.FileLock(wanted.path).try_lock()
 
 
 def test_a_database_takes_a_study(tmp_path):
     address = f"sqlite:///{tmp_path / 'study.db'}"
     one = job(tmp_path, 6, address=address)
     assert search.work(WorkerOf(one, 0)) == 6
-    assert len(search.finished(study_of(one))) == 6
+    assert len(search.finished_sets(study_of(one))) == 6
     assert not (tmp_path / storage.JOURNAL).exists()
     with pytest.raises(ValueError, match=r"--storage nonsense cannot be opened .* leave it out for a journal"):
-        storage.opened(tmp_path, "nonsense")
+        storage.open_storage(tmp_path, "nonsense")
 
 
 def sets(*rows):

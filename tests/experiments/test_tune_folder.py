@@ -68,9 +68,9 @@ def here(function, cases, **options):
 @pytest.fixture
 def quick(monkeypatch):
     monkeypatch.setattr(problem, "evaluate", formula)
-    monkeypatch.setattr(problem, "prepared", lambda posed: None)
+    monkeypatch.setattr(problem, "prepare_problem", lambda posed: None)
     monkeypatch.setattr(margin_map, "seconds", lambda *car: 1.0)
-    monkeypatch.setattr(tuning, "mapped", lambda case, points=None: [cell(math.radians(50.0))])
+    monkeypatch.setattr(tuning, "map_margins", lambda case, points=None: [cell(math.radians(50.0))])
 
 
 @pytest.fixture(scope="module")
@@ -197,8 +197,8 @@ def test_the_limits_that_are_broken_are_told(tmp_path, posed, quick, monkeypatch
     assert data["answer"]["kept"] == (whose == "start")
     gain = page.values["compared"]["gain"]
     assert [side.kept for side in gain] == [False, whose == "start"]
-    assert tuning_page._limited(5.9996, 6.0) == ("5.9996", False)
-    assert tuning_page._limited(1.2, 1.0, highest=True) == ("1.2", False)
+    assert tuning_page._digits_to_limit(5.9996, 6.0) == ("5.9996", False)
+    assert tuning_page._digits_to_limit(1.2, 1.0, highest=True) == ("1.2", False)
 
 
 def test_a_distance_that_grew_for_a_limit_is_given_up_and_no_gain(tmp_path, posed, quick, monkeypatch):
@@ -213,7 +213,7 @@ def test_a_distance_that_grew_for_a_limit_is_given_up_and_no_gain(tmp_path, pose
 
     monkeypatch.setattr(problem, "evaluate", breaking)
     shares = dict.fromkeys(posed.bands, 1.0)
-    monkeypatch.setattr(tuning, "moved", lambda posed, sweep: shares)
+    monkeypatch.setattr(tuning, "largest_effects", lambda posed, sweep: shares)
     found = tuned(posed, tmp_path, 6)
     _, data = tuning_page.build(found)
     assert search.total(found.own) == 0.0
@@ -243,7 +243,7 @@ def test_a_range_that_ends_where_the_assist_does_is_no_limit(posed):
 
 def test_a_set_that_misses_the_whole_map_is_passed_over(tmp_path, posed, quick, monkeypatch):
     first = tuned(posed, tmp_path, 12, sampler="random")
-    ranked = search.ranked(first.trials["random"])
+    ranked = search.rank(first.trials["random"])
     assert first.best.params == ranked[0].params
     values = tuning_page.build(first)[0].values
     assert not values["missed"]
@@ -259,19 +259,19 @@ def test_a_set_that_misses_the_whole_map_is_passed_over(tmp_path, posed, quick, 
             return cells
         return [c for c in cells if c.where in [p.where for p in points]]
 
-    monkeypatch.setattr(tuning, "mapped", mapped)
+    monkeypatch.setattr(tuning, "map_margins", mapped)
     found = tuned(posed, tmp_path, 12, sampler="random")
     # The start before the search; of the best, the others miss what the first one does.
     assert whole == [problem.own(posed), ranked[0].params, ranked[3].params]
     assert found.best.params == ranked[3].params
-    assert not margin_map.missed(found.cells)
+    assert not margin_map.cells_below_limits(found.cells)
     page, data = tuning_page.build(found)
     assert page.values["passed"]["count"] == 3
     assert [bool(each["missed"]) for each in data["tried"]] == [True, True, True, False]
 
 
 def test_where_no_set_keeps_the_whole_map_the_one_with_the_fewest_misses_is_told(tmp_path, posed, quick, monkeypatch):
-    ranked = search.ranked(tuned(posed, tmp_path, 12, sampler="random").trials["random"])
+    ranked = search.rank(tuned(posed, tmp_path, 12, sampler="random").trials["random"])
 
     def mapped(case, points=None):
         k = [t.params for t in ranked].index(case[1])
@@ -280,7 +280,7 @@ def test_where_no_set_keeps_the_whole_map_the_one_with_the_fewest_misses_is_told
             return [cell(math.radians(20.0 if p.torque in bad else 50.0), p.torque) for p in points]
         return [cell(math.radians(20.0), torque) for torque in bad]
 
-    monkeypatch.setattr(tuning, "mapped", mapped)
+    monkeypatch.setattr(tuning, "map_margins", mapped)
     found = tuned(posed, tmp_path, 12, sampler="random")
     assert len(found.tried) == min(tuning.MAPS, len(ranked))
     assert found.best.params == ranked[2].params
@@ -306,12 +306,12 @@ def test_a_band_that_changes_side_is_told(posed):
         for values in (inside, outside, refused)
     ]
     counted = tuple(posed.bands)
-    same = own_angles.compared(posed, counted, trials[0], trials[0])
+    same = own_angles.compare_angles(posed, counted, trials[0], trials[0])
     assert (same.difference, same.metric, same.changed) == (0.0, "", ())
-    left = own_angles.compared(posed, counted, trials[0], trials[1])
+    left = own_angles.compare_angles(posed, counted, trials[0], trials[1])
     assert left.changed == (("yaw_lag", "rough", False),)
-    assert own_angles.compared(posed, counted, trials[1], trials[0]).changed == (("yaw_lag", "rough", True),)
-    lost = own_angles.compared(posed, counted, trials[0], trials[2])
+    assert own_angles.compare_angles(posed, counted, trials[1], trials[0]).changed == (("yaw_lag", "rough", True),)
+    lost = own_angles.compare_angles(posed, counted, trials[0], trials[2])
     assert lost.difference == MAX_DISTANCE
     assert lost.changed == (("release_overshoot", "rough", False),)
     text = json.dumps(own_angles.as_json({"best": lost}))
@@ -386,22 +386,22 @@ def test_a_set_that_reaches_every_band_but_misses_the_map_does_not_end_the_searc
     ended = tuned(posed, tmp_path / "first", 60)
     count = len(ended.trials["surface"])
     assert count < 60
-    assert search.reached(ended.trials["surface"])
-    monkeypatch.setattr(tuning, "mapped", lambda case, points=None: [cell(math.radians(20.0))])
+    assert search.bands_reached(ended.trials["surface"])
+    monkeypatch.setattr(tuning, "map_margins", lambda case, points=None: [cell(math.radians(20.0))])
     found = tuned(posed, tmp_path / "second", count + 8)
     assert len(found.trials["surface"]) == count + 8
     assert not found.feasibility.reached
     assert not tuning_page.build(found)[1]["feasibility"]["reached"]
     missed = [t for t in found.trials["surface"] if t.constraints["whole_map"] > 0.0]
     assert missed
-    assert not any(map(search.kept, missed))
+    assert not any(map(search.keeps_constraints, missed))
 
 
 def test_an_unstable_point_counts_more_than_missed_margins(posed, monkeypatch):
     slack, unstable = cell(math.radians(29.0)), cell(math.radians(50.0))
     unstable = unstable._replace(margins=unstable.margins._replace(stable=False))
     maps = [[unstable], [slack, slack._replace(torque=1.0)]]
-    monkeypatch.setattr(tuning, "mapped", lambda case, points=None: maps[case[1]] if points is None else [])
+    monkeypatch.setattr(tuning, "map_margins", lambda case, points=None: maps[case[1]] if points is None else [])
     ranked = [SimpleNamespace(params=k) for k in range(2)]
     assert tuning._safest(posed, ranked, here, Pace())[0] is ranked[1]
 
@@ -420,23 +420,23 @@ def test_a_metric_that_only_the_start_refuses_is_moved(posed, monkeypatch):
         return found
 
     monkeypatch.setattr(problem, "evaluate", refused)
-    assert tuning.moved(posed, here)["release_overshoot"] == MAX_DISTANCE
+    assert tuning.largest_effects(posed, here)["release_overshoot"] == MAX_DISTANCE
 
 
 def test_a_study_that_has_only_begun_is_left_out(tmp_path, posed, quick):
     first = tuned(posed, tmp_path, 4)
     job = tuning.job_of(posed, first.moved, tmp_path, 4)._replace(name="second nsga2", sampler="nsga2")
     with search.quiet():
-        search.current(job, storage.opened(tmp_path))
+        search.current(job, storage.open_storage(tmp_path))
     found = tuned(posed, tmp_path, 5)
     assert list(found.trials) == ["surface"]
     tuning_page.build(found)
 
 
 def test_nothing_waits_for_a_set_of_a_machine_that_went_down(tmp_path, posed, quick, monkeypatch):
-    job = tuning.job_of(posed, tuning.moved(posed, here), tmp_path, 12)._replace(stops=False)
+    job = tuning.job_of(posed, tuning.largest_effects(posed, here), tmp_path, 12)._replace(stops=False)
     with search.quiet():
-        study = search.current(job, storage.opened(tmp_path))
+        study = search.current(job, storage.open_storage(tmp_path))
         study.ask(search.distributions(search.ranges(study))).set_user_attr("process", "elsewhere-1-dead")
     monkeypatch.setattr(search.time, "sleep", lambda seconds: pytest.fail("it waits"))
     assert search.work(search.WorkerOf(job, 0)) == 11

@@ -72,13 +72,13 @@ def test_what_was_compiled_is_not_compiled_again():
 
 def test_a_worker_tells_what_it_compiled(monkeypatch):
     spent = [5.0]
-    monkeypatch.setattr(cache, "spent", lambda: spent[0])
+    monkeypatch.setattr(cache, "compile_seconds", lambda: spent[0])
 
     def work(case):
         spent[0] += case
         return -case
 
-    assert tuning._timed((work, 7.0)) == (-7.0, 7.0)
+    assert tuning._time_compiling((work, 7.0)) == (-7.0, 7.0)
 
 
 def test_nothing_is_told_before_a_margin_map_was_read():

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from steer_env import friction
 from steer_env.friction import law, level
 from steer_env.friction.numerics.kernel import plain
-from steer_env.testing.histories import after, at_rest, log, moves, signed, steps
+from steer_env.testing.histories import after, at_rest, both_signs, log, moves, steps
 
 LAWS = friction.available()
 few = settings(max_examples=60, derandomize=True, deadline=None, database=None)
@@ -51,7 +51,7 @@ def test_bad_values(given, message):
 
 
 def step(p, scales, memory, S, R, h, w_guess):
-    return law.step(p, level.chosen(p, scales, memory, R, h), memory, S, R, h, w_guess)
+    return law.step(p, level.choose_scale(p, scales, memory, R, h), memory, S, R, h, w_guess)
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -97,10 +97,10 @@ def test_the_motion_takes_the_side_of_its_scale(name):
     p = friction.make(name)
 
     @few
-    @given(moves, sides, log(-2, 4), signed(log(-3, 2)), log(-4, -2))
+    @given(moves, sides, log(-2, 4), both_signs(log(-3, 2)), log(-4, -2))
     def holds(history, scales, S, R, h):
         memory = after(p, history, max(scales))
-        used = level.chosen(p, scales, memory, R, h)
+        used = level.choose_scale(p, scales, memory, R, h)
         rest = law.rest_torque(p, used, memory, h)
         w, _ = law.step(p, used, memory, S, R, h, 0.0)
         assert w * (R - rest) >= 0.0
@@ -118,13 +118,13 @@ def test_a_branch_that_relaxes_chooses_the_side_of_its_motion(tau_m, a):
     memory, jumps = at_rest(p), []
     for _ in range(3000):
         loaded = memory.copy()
-        held = level.chosen(p, scales, loaded, 0.0, h)
+        held = level.choose_scale(p, scales, loaded, 0.0, h)
         rests = [law.rest_torque(p, each, loaded, h) for each in (held, *scales)]
         for R in (law.torque(p, held, loaded, 0.0), *rests):
             near = [step(p, scales, memory.copy(), S, R + side * 1e-9, h, 0.0)[1] for side in (-1.0, 1.0)]
             jumps.append(abs(near[1] - near[0]))
         R = rests[0] + rng.normal() * 10.0 ** rng.uniform(-3, 1)
-        used = level.chosen(p, scales, memory, R, h)
+        used = level.choose_scale(p, scales, memory, R, h)
         rest = law.rest_torque(p, used, memory, h)
         w, _ = law.step(p, used, memory, S, R, h, 0.0)
         assert w * (R - rest) > 0.0
@@ -199,7 +199,11 @@ def test_plain_python_chooses_alike():
     p, memory = friction.make("dahl"), np.array([0.02])
     other = memory.copy()
     scales = level.Scales(2.0, 0.5)
-    assert level.chosen(p, scales, memory, -1.0, 1e-3) == plain(level.chosen)(p, scales, other, -1.0, 1e-3) == 2.0
+    assert (
+        level.choose_scale(p, scales, memory, -1.0, 1e-3)
+        == plain(level.choose_scale)(p, scales, other, -1.0, 1e-3)
+        == 2.0
+    )
     assert memory == other
 
 

@@ -10,22 +10,22 @@ from steer_env.friction.numerics.kernel import COMPILED, kernel
 from steer_env.friction.numerics.simd import (
     all_of,
     any_of,
-    apart,
+    as_index,
     atan,
-    beside,
     broadcast,
     copysign,
     cos,
+    deinterleave,
     exp,
     fabs,
     first,
     floor,
+    interleave,
+    invert,
     load,
     maximum,
     minimum,
-    negated,
     pack,
-    place,
     power,
     sin,
     spread,
@@ -126,13 +126,13 @@ def of_a_car(grid, table, x, out):
     out[2], out[3] = math.sin(x[2]), math.cos(x[3])
     _, out[4] = bracket(grid, x[4])
     out[5] = within(x[5], -0.5, 0.5)
-    odd = (x[6] > 0.0) & negated(x[6] > 1.0) | (x[7] < -1.0)
+    odd = (x[6] > 0.0) & invert(x[6] > 1.0) | (x[7] < -1.0)
     out[6] = where(odd, abs(x[6]), floor(x[6]))
     if any_of(odd):
         out[6] = where(odd, math.copysign(math.sqrt(out[6]), x[7]), out[6])
     if all_of(x[0] == x[0]):
         out[7] = 1.0
-    out[8], out[9], out[10], out[11] = unpack_cars(spread(x[1]) * load(table, place(abs(x[7]))))
+    out[8], out[9], out[10], out[11] = unpack_cars(spread(x[1]) * load(table, as_index(abs(x[7]))))
     wheels = pack(x[0], x[1], x[2], x[3]) * x[4] + load(x, 4)
     out[12], out[13], out[14], out[15] = unpack(swap_sides(atan(wheels)) + broadcast(x[5]))
     out[16] = first(wheels)
@@ -141,10 +141,10 @@ def of_a_car(grid, table, x, out):
 @kernel
 def of_four_cars(grid, table, x, out):
     cars, found = scratch.fours(1, x.shape[1]), scratch.fours(1, out.shape[1])
-    rows = place(pack(2.0, 0.0, 3.0, 1.0))
-    beside(x, x.shape[1], rows, cars)
+    rows = as_index(pack(2.0, 0.0, 3.0, 1.0))
+    interleave(x, x.shape[1], rows, cars)
     of_a_car(grid, table, cars[0], found[0])
-    apart(found, out.shape[1], rows, out)
+    deinterleave(found, out.shape[1], rows, out)
 
 
 @pytest.mark.skipif(not COMPILED, reason="cars run side by side in compiled code alone")

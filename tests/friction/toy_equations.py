@@ -9,7 +9,7 @@
 
 from typing import NamedTuple
 
-from steer_env.friction.bristle import held
+from steer_env.friction.bristle import limit_deflection
 from steer_env.friction.law import register
 from steer_env.friction.models import lugre
 from steer_env.friction.numerics.kernel import kernel
@@ -104,13 +104,13 @@ def rate(p, torque_scale, memory, w, out):
 
 @kernel
 def cut_back(p, torque_scale, memory):
-    memory[0] = held(memory[0], torque_scale * p.F_c / p.k)
-    memory[1] = held(memory[1], torque_scale * p.F_d / p.k_d)
+    memory[0] = limit_deflection(memory[0], torque_scale * p.F_c / p.k)
+    memory[1] = limit_deflection(memory[1], torque_scale * p.F_d / p.k_d)
 
 
 @kernel
 def cut_bristle(p, torque_scale, memory):
-    memory[0] = held(memory[0], torque_scale * p.F_s / p.sigma_0)
+    memory[0] = limit_deflection(memory[0], torque_scale * p.F_s / p.sigma_0)
 
 
 @kernel
@@ -182,7 +182,7 @@ def stiffened_energy(p, memory):
 
 @kernel
 def thermal_cut(p, torque_scale, memory):
-    memory[0] = held(memory[0], torque_scale * p.F_c / p.k)
+    memory[0] = limit_deflection(memory[0], torque_scale * p.F_c / p.k)
 
 
 @kernel

@@ -17,7 +17,7 @@ KEEPING, PARKING = "steer_env/DriverLaneKeeping-v3", "steer_env/DriverParking-v3
 
 def _reward(make, env_id):
     drive = benchmark.Drive(env_id, controllers.reference(env_id))
-    return benchmark.driven(benchmark.Case("", drive, make, (1_000_000, 1_000_001))).reward.mean()
+    return benchmark.run_episodes(benchmark.Case("", drive, make, (1_000_000, 1_000_001))).reward.mean()
 
 
 def test_what_is_learned_enters_the_benchmark(tmp_path, monkeypatch):

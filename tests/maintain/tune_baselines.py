@@ -40,7 +40,7 @@ def run(args: argparse.Namespace) -> None:
 
     for env_id in args.env:
         assist_suite.task_named(env_id)
-    car = car_options.load(args) if car_options.given(args) else None
+    car = car_options.load(args) if car_options.any_given(args) else None
     if car is not None and str(args.out) == SHIPPED:
         raise ValueError(
             f"--out {SHIPPED} keeps what is found for the default car: leave out --vehicle, --tyre and --set"

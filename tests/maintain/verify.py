@@ -6,9 +6,9 @@ The exit code is 1 where one is missed.
 import argparse
 
 from steer_env.experiments.cli.common.extras import require
-from steer_env.friction.numerics.registry import listed
+from steer_env.friction.numerics.registry import modules_by_name
 
-GROUPS = tuple(listed("tests.verification"))
+GROUPS = tuple(modules_by_name("tests.verification"))
 NEEDS = {"policies": "train", "tuning": "tune"}  # group -> extra
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from steer_env import assists, friction
 from steer_env.assists import lead_lag
-from steer_env.assists.common.linear import sampled, slopes
+from steer_env.assists.common.linear import discretise, slopes
 from steer_env.assists.common.reference_feel import Feel
 from steer_env.registration import id_of
 from steer_env.tasks.assist_parking import WANTED
@@ -313,7 +313,7 @@ def test_margins_of_the_lead_lag(speed, control_dt):
         for loop in (loops.boost + loops.added, loops.request):
             phase, gain = lead_lag.margins(loop)
             smallest_phase, smallest_gain = min(smallest_phase, phase), min(smallest_gain, gain)
-        closed = control.feedback(-H * sampled(car, slope, speed, control_dt)[0, 0], 1)
+        closed = control.feedback(-H * discretise(car, slope, speed, control_dt)[0, 0], 1)
         assert np.abs(closed.poles()).max() < 1.0
     assert smallest_phase >= math.radians(30.0)
     assert smallest_gain >= 2.0
@@ -343,7 +343,7 @@ def test_margins_of_the_lqg(speed):
     A, B = d.A + np.outer(d.E, d.C), d.B[:, :2] + np.outer(d.E, d.D[:2])
     z = np.exp(1j * np.geomspace(1.0, 0.999 * math.pi / 0.01, 2000) * 0.01)
     for slope in slopes(car, speed):
-        plant = sampled(car, slope, speed, 0.01)
+        plant = discretise(car, slope, speed, 0.01)
         feedback = d.C @ np.linalg.inv(z[:, None, None] * np.eye(len(A)) - A) @ B + d.D[:2]
         through = plant.C @ np.linalg.inv(z[:, None, None] * np.eye(len(plant.A)) - plant.A) @ plant.B[:, :1]
         phase, gain = lead_lag.margins(-(feedback[:, None] @ through)[:, 0, 0])

@@ -50,7 +50,7 @@ def test_mirrored_course(name):
     course, other = (iso3888.course(name, 1.7, mirrored=mirrored) for mirrored in (False, True))
     assert np.array_equal(other.left, course.right * [1, -1])
     assert np.array_equal(other.right, course.left * [1, -1])
-    car = iso3888.outline(CAR)
+    car = iso3888.footprint(CAR)
     assert np.array_equal(iso3888.path(other, car), iso3888.path(course, car) * [1, -1])
 
 
@@ -66,7 +66,7 @@ def test_course_refuses():
 def test_cone_margins_by_hand():
     """A car of 4 m by 2 m whose middle is 1 m ahead of its reference point."""
     cones = np.array([[1.0, 1.5], [4.0, 2.0], [1.0, 0.6], [2.9, 0.0], [-1.5, 0.0]])
-    car, zero = iso3888.Outline(4.0, 2.0, 1.0), np.zeros(1)
+    car, zero = iso3888.Footprint(4.0, 2.0, 1.0), np.zeros(1)
     expected = [0.5, np.hypot(1, 1), -0.4, -0.1, 0.5]
     for side in (1, -1):
         assert np.allclose(iso3888.cone_margins(cones * [1, side], car, zero, zero, zero), expected)
@@ -76,9 +76,9 @@ def test_cone_margins_by_hand():
 
 
 def test_outline_of_packaged_cars_and_of_one_without_sizes():
-    assert iso3888.outline(CAR)[:2] == (4.4, 1.8)
+    assert iso3888.footprint(CAR)[:2] == (4.4, 1.8)
     bare = CAR._replace(chassis={key: value for key, value in CAR.chassis.items() if key not in ("length", "width")})
-    size = iso3888.outline(bare)
+    size = iso3888.footprint(bare)
     assert size.length == pytest.approx(1.08 + 1.62 + 1.75)
     assert size.width == pytest.approx(1.55 + 0.205)
     with pytest.raises(ValueError, match=r"chassis\.width"):
@@ -89,7 +89,7 @@ def test_outline_of_packaged_cars_and_of_one_without_sizes():
 @pytest.mark.parametrize("vehicle", cars.available())
 def test_the_path_keeps_half_of_the_clearance(name, vehicle):
     """To a centimetre: stations are a metre apart, and an outline's distance to a cone is not its offset across it."""
-    car = iso3888.outline(cars.load(vehicle))
+    car = iso3888.footprint(cars.load(vehicle))
     course = iso3888.course(name, car.width)
     x, y = iso3888.path(course, car)[1:-1].T
     cones, yaw = np.concatenate([course.left, course.right])[:, None], np.arctan(np.gradient(y, x))
@@ -102,7 +102,7 @@ def test_the_path_keeps_half_of_the_clearance(name, vehicle):
 
 def test_a_car_that_does_not_fit_is_refused():
     with pytest.raises(ValueError, match=r"2\.5 m wide does not pass a lane of 2\.23 m"):
-        iso3888.path(iso3888.course("double-lane-change", 1.8), iso3888.Outline(4.0, 2.5, 0.0))
+        iso3888.path(iso3888.course("double-lane-change", 1.8), iso3888.Footprint(4.0, 2.5, 0.0))
 
 
 @pytest.fixture(scope="module")
@@ -193,7 +193,7 @@ def test_double_lane_change_at_80_without_a_cone_on_two_tracks():
 
 def test_the_course_is_not_passed_faster_than_by_a_point_with_the_grip_of_the_tyres():
     """A linear program gives the least curvature with which a point stays half a width within the gates, at any yaw."""
-    car = iso3888.outline(CAR)
+    car = iso3888.footprint(CAR)
     gates = iso3888.course("double-lane-change", car.width).gates
     x = np.arange(0.0, gates[-1].end + 0.5)
     low, high = np.full(x.size, -np.inf), np.full(x.size, np.inf)

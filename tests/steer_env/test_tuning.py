@@ -63,7 +63,7 @@ def test_own_set_gives_the_cars_metrics():
     found = info["evaluated"]
     for drive in env.scenario.drives:
         recording = manoeuvres.drive(cars.load(), drive.manoeuvre)
-        thinned = metrics.evaluate(driving.thinned(recording, drive.thinning))
+        thinned = metrics.evaluate(driving.thin_out(recording, drive.thinning))
         for name, value in thinned.items():
             assert found[name] == pytest.approx(value.value, rel=1e-8, abs=1e-8), name
         for name, value in metrics.evaluate(recording).items():  # what the thinning costs
@@ -80,7 +80,7 @@ def test_own_set_is_the_cars_assist(car):
     own = cars.load(car).assist
     for scenario in SCENARIOS.all().values():
         zero = np.zeros(len(scenario.parameters))
-        same = parameters.tuned(own, parameters.values(own, scenario.parameters, zero))
+        same = parameters.make_assist(own, parameters.values(own, scenario.parameters, zero))
         assert len(leaves(own)) == len(leaves(same))
         for a, b in zip(leaves(own), leaves(same)):
             assert np.allclose(a, b, rtol=1e-14, atol=1e-16)
@@ -128,7 +128,7 @@ def test_every_action_makes_an_assist(name):
     n = env.action_space.shape[0]
     corners = np.array(np.meshgrid(*[(-2.0, 2.0)] * n)).reshape(n, -1).T  # of an action and the largest detuning
     for tried in (*corners, *rng.uniform(-2.0, 2.0, (50, n))):
-        a = parameters.tuned(env.car.assist, parameters.values(env.car.assist, env.scenario.parameters, tried))
+        a = parameters.make_assist(env.car.assist, parameters.values(env.car.assist, env.scenario.parameters, tried))
         assert (np.diff(a.boost, axis=1) >= 0.0).all()
         assert a.boost.flags.writeable == env.car.assist.boost.flags.writeable  # else the plant compiles anew
     # A corner that would leave what the lead can be stays at its end.
@@ -174,7 +174,7 @@ def test_refused_metrics_cost_most_and_are_observed_as_zero():
     assert math.isnan(info["evaluated"]["handwheel_return_rate"])
     assert math.isnan(info["metrics"]["handwheel_return_rate"])
     assert env.observation_space.contains(observation)
-    names = [quantity.name for quantity in tuning_env.observed(env.scenario)]
+    names = [quantity.name for quantity in tuning_env.observed_quantities(env.scenario)]
     assert observation[names.index("handwheel_return_rate")] == 0.0
     assert 0.0 < observation[names.index("refused")] < 1.0
     band = env.terms["torque_at_0g"].band
@@ -183,7 +183,7 @@ def test_refused_metrics_cost_most_and_are_observed_as_zero():
     assert far[0] == 0.0 < far[1] < far[2] < far[3] < reward.MAX_DISTANCE
     # Where the car's own set has no value, the whole target band is wanted.
     assert env.wanted["handwheel_angle_after_3s"].band.good != env.terms["handwheel_angle_after_3s"].band.good
-    assert reward.wanted(env.terms, dict.fromkeys(env.terms, Value(0.0, 0.0, 0.0, "", "why")), 0.1) == env.terms
+    assert reward.wanted_terms(env.terms, dict.fromkeys(env.terms, Value(0.0, 0.0, 0.0, "", "why")), 0.1) == env.terms
 
 
 def test_a_run_that_fails_is_refused(monkeypatch):
@@ -252,12 +252,14 @@ def test_infos_have_the_same_keys_and_floats_after_every_step_and_at_a_reset_tho
 
 def test_context_is_observed():
     env = make(ON_CENTRE, randomise=EVERYTHING)
-    aims = len(tuning_env.wanted(env.scenario))
+    aims = len(tuning_env.wanted_metrics(env.scenario))
     fixed = {"load": 200.0, "road_friction": 0.9, "friction_level": 2.0, "speed": 30.0}
     observation, info = env.reset(seed=1, options=fixed)
     context = info["context"]
     assert observation[:6] == pytest.approx(list(context.values()), rel=1e-6)
-    assert observation[6 : 6 + aims] == pytest.approx([info["wanted"][n] for n in tuning_env.wanted(env.scenario)])
+    assert observation[6 : 6 + aims] == pytest.approx(
+        [info["wanted"][n] for n in tuning_env.wanted_metrics(env.scenario)]
+    )
     assert not observation[6 + aims :].any()
     assert context["mass"] == pytest.approx(cars.load().chassis["mass"] + 200.0)
     assert context["speed"] == 30.0

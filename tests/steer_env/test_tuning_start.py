@@ -109,6 +109,6 @@ def test_wanted_bands_are_narrow_and_inside_the_target_bands():
         if least < info["evaluated"][name] - 0.05 * (most - least) < info["evaluated"][name] < 0.95 * most:
             assert low <= info["evaluated"][name] <= high or math.isclose(low, info["evaluated"][name], rel_tol=1e-3)
         assert low < info["wanted"][name] < high
-    whole = reward.wanted(env.terms, env._drawn[1].own, 1.0)
+    whole = reward.wanted_terms(env.terms, env._drawn[1].own, 1.0)
     for name, term in whole.items():
         assert term.band.good == pytest.approx(env.terms[name].band.good)

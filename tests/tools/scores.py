@@ -18,7 +18,7 @@ FILE = Path(__file__).with_suffix(".json")
 
 def write(path: Path, entries: Sequence[Scored]) -> None:
     """Write what the page shows of entries, each in a line, in the form of a result file without episodes."""
-    lines = [json.dumps(benchmark.summarised(entry._replace(parts=_shown(entry)))) for entry in entries]
+    lines = [json.dumps(benchmark.summarise(entry._replace(parts=_shown(entry)))) for entry in entries]
     write_text(path, "[\n" + ",\n".join(lines) + "\n]\n")
 
 
@@ -33,7 +33,7 @@ def _shown(entry: Scored) -> dict[str, benchmark.Part]:
 
 def read(path: Path = FILE) -> list[Scored]:
     """The entries of a file of :func:`write`."""
-    return [benchmark.scored(said) for said in json.loads(path.read_text(encoding="utf-8"))]
+    return [benchmark.score_entry(said) for said in json.loads(path.read_text(encoding="utf-8"))]
 
 
 def thresholds(entries: Sequence[Scored]) -> dict[str, float]:

@@ -50,7 +50,7 @@ def driver(target, integral=0.0):
         demand, rate = speed_hold.longitudinal_demand(S, v, target, integral)
         integral += h * rate
         mass, spin = MASS + WHEELS / RADIUS**2, v / RADIUS
-        return speed_hold.split(D, B, gear, engaged, demand, mass, RADIUS, spin, spin)
+        return speed_hold.pedals(D, B, gear, engaged, demand, mass, RADIUS, spin, spin)
 
     return pedals
 
@@ -293,7 +293,7 @@ def test_speed_hold_meets_a_grade():
 @pytest.mark.parametrize("demand", [-5.0, -0.2, 0.0, 0.7])
 def test_split_gives_what_is_demanded(demand, gear, engaged):
     spin = 40.0
-    throttle, pedal = speed_hold.split(D, B, gear, engaged, demand, MASS, RADIUS, spin, spin)
+    throttle, pedal = speed_hold.pedals(D, B, gear, engaged, demand, MASS, RADIUS, spin, spin)
     assert throttle == 0.0 or pedal == 0.0
     if not engaged and demand > 0.0:
         return  # a shift interrupts the drive
@@ -304,7 +304,7 @@ def test_split_gives_what_is_demanded(demand, gear, engaged):
 
 
 def test_split_stops_at_the_full_pedal():
-    assert speed_hold.split(D, B, 3.0, True, -30.0, MASS, RADIUS, 65.0, 65.0) == (0.0, 1.0)
+    assert speed_hold.pedals(D, B, 3.0, True, -30.0, MASS, RADIUS, 65.0, 65.0) == (0.0, 1.0)
 
 
 # Construction

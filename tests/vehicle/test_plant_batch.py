@@ -27,7 +27,7 @@ def test_a_plant_comes_back_from_its_numbers(law, chassis):
     loaded = CAR.loaded(200.0).plant(law, speed=20.0, chassis=chassis)
     rows = np.array([packing.numbers(template), packing.numbers(loaded)])
     assert same(packing.of_row(template, rows, 0), template)
-    assert same(packing.of_row(packing.outline(template), rows, 0), template)
+    assert same(packing.of_row(packing.structure(template), rows, 0), template)
     other = packing.of_row(template, rows, 1)
     assert same(other._replace(tyre=template.tyre), loaded)
 
@@ -61,7 +61,7 @@ def test_rows_run_as_their_plants_alone(law, chassis):
     rows, finite = np.array([packing.numbers(p) for p in plants]), np.zeros(3, bool)
     inputs = np.zeros((3, 40, len(plant.INPUTS)))
     inputs[:, :, plant.HAND] = rng.uniform(-3.0, 3.0, (3, 40))
-    third, outline = states[2].copy(), packing.outline(plant.bound(plants[0]))
+    third, outline = states[2].copy(), packing.structure(plant.bound(plants[0]))
     for _ in range(10):
         plant.run_rows(outline, rows, states, inputs, channels, finite, 0, 2)
     assert finite.tolist() == [True, True, False]
@@ -118,7 +118,7 @@ def test_four_rows_side_by_side_have_the_bits_of_each_alone(law):
     states = np.array([plant.initial_state(p) for p in plants])
     rows, common = np.array([packing.numbers(p) for p in plants]), packing.common_columns(plants[0])
     channels = np.zeros((7, len(plant.channels(plants[0]))))
-    outline, wide = (packing.outline(plant.bound(plants[0], lanes)) for lanes in (False, True))
+    outline, wide = (packing.structure(plant.bound(plants[0], lanes)) for lanes in (False, True))
     kept = np.zeros(7, bool)
     one, four = (tuple(map(np.copy, (states, channels, kept))) for _ in range(2))
     plant.begin_rows(outline, rows, one[0], np.zeros(7, int), 0, 7)

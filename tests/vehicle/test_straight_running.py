@@ -48,7 +48,7 @@ def test_nothing_moves(car, chassis, speed, grip):
     names = [name.split(".")[-1] for name, _ in plant.states(p)]
     assert {name: m for name, m in zip(names, moved.tolist()) if m > 1e-9 and name not in MOVES} == {}
     assert speed_of(p, begun) == pytest.approx(speed, abs=1e-9)
-    assert plant.held_speed(p) == pytest.approx(speed, abs=1e-9)
+    assert plant.initial_speed(p) == pytest.approx(speed, abs=1e-9)
 
 
 @pytest.mark.parametrize("car", cars.available())

@@ -7,12 +7,12 @@ title of the table. ``python -m tests.maintain verify`` prints the tables.
 import importlib
 from collections.abc import Iterable
 
-from steer_env.friction.numerics.registry import listed
+from steer_env.friction.numerics.registry import modules_by_name
 
 
 def groups() -> tuple[str, ...]:
     """Names of the groups."""
-    return tuple(listed(__name__))
+    return tuple(modules_by_name(__name__))
 
 
 def table(group: str) -> str:

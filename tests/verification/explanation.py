@@ -11,7 +11,7 @@ from steer_env import friction, manoeuvres
 from steer_env.experiments.pages import provenance
 from steer_env.experiments.studies.common import explanation, simulation_vs_measurement
 from steer_env.experiments.studies.common.explanation import ASSIST_LATE, LATE, PARAMETERS, Explanation, Fit, Setting
-from steer_env.experiments.studies.common.scaling import scaled
+from steer_env.experiments.studies.common.scaling import scale_record
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE
 from steer_env.recording.recording import DEGREE, Recording
 from steer_env.vehicle import cars
@@ -80,7 +80,7 @@ def _caused(rng: np.random.Generator) -> tuple[Setting, dict[str, float], dict[s
         if name == "law":
             law = str(rng.choice(LAWS))
             level = math.exp(rng.uniform(-0.3, 0.3))
-            at = at._replace(law=scaled(friction.resolve(f"{law}@{at.car.kind}"), level, 1.0))
+            at = at._replace(law=scale_record(friction.resolve(f"{law}@{at.car.kind}"), level, 1.0))
             values[f"law {law}"] = level
             continue
         low, high = {**FACTORS, **DELAYS, **OFFSETS}[name]

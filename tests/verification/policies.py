@@ -22,7 +22,7 @@ def rows() -> Iterator[Row]:
     """Shipped policies on held-out episodes beside classical controllers on the same terms, and their stability."""
     yield from _double_lane_change()
     for name in friction.available():
-        if name == policy.about(policy.shipped(ASSIST))["friction"]:
+        if name == policy.about(policy.shipped_policy(ASSIST))["friction"]:
             continue
         feeling = _shipped(ASSIST, "boost", friction=name)
         less = -feeling.gaps["boost"]["rms_feel_error"].high / feeling.values["boost"]["rms_feel_error"].value
@@ -35,7 +35,7 @@ def rows() -> Iterator[Row]:
     gap = _shipped(ASSIST, "lqg").gaps["lqg"]["rms_feel_error"]
     yield Row("feel error less LQG's", f"{gap.low:.3f} to {gap.high:.3f} N m", "no limit", "pass")
     for env_id in (ASSIST, ALL_ROUND):
-        found = assist_suite.examine(policy.load(policy.shipped(env_id)), env_id)
+        found = assist_suite.examine(policy.load(policy.shipped_policy(env_id)), env_id)
         held, name = sum(result.holds for result in found), env_id.removeprefix("steer_env/")
         text = f"{held} of {len(found)}"
         yield Row(f"conditions of the assist suite, {name}", text, "all", verdict(held == len(found)))
@@ -47,7 +47,7 @@ def rows() -> Iterator[Row]:
 
 def _double_lane_change() -> Iterator[Row]:
     """The driver with its delay and lag drawn, and with those of a person beside a model that brings them itself."""
-    path = policy.shipped(DRIVER)
+    path = policy.shipped_policy(DRIVER)
     person = shift.person(tasks.task("DriverDoubleLaneChange"))
 
     def found(make: Maker, options: Mapping[str, float] | None = None) -> held_out.Episodes:
@@ -69,7 +69,7 @@ def _double_lane_change() -> Iterator[Row]:
 
 
 def _shipped(env_id: str, baseline: str, **more: Any) -> policy_report.Evaluation:
-    path = policy.shipped(env_id)
+    path = policy.shipped_policy(env_id)
     controllers = {"policy": policy.load(path), baseline: baselines(env_id)[baseline]}
     return policy_report.evaluate(env_id, controllers, CASES, **policy.conditions(policy.about(path)), **more)
 
@@ -81,10 +81,10 @@ def _training_share(env_id: str, rollouts: int = 3) -> float:
     """
     from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
 
-    from steer_env.experiments.learning.training import new_model, settings, timed
+    from steer_env.experiments.learning.training import new_model, settings, time_steps
 
     given = settings(env_id, "ppo")
-    sub_environments = timed(env_id, 64, **given["environment"])
+    sub_environments = time_steps(env_id, 64, **given["environment"])
     model = new_model("ppo", VecNormalize(VecMonitor(sub_environments)), given["algorithm"], seed=0)
     steps = 64 * given["algorithm"]["n_steps"]
     model.learn(steps)

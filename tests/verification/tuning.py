@@ -25,7 +25,7 @@ def rows() -> Iterator[Row]:
     """Distance from the bands of the best set, the sum over objectives [band widths], median and range of the seeds."""
     sweep = partial(run, where=Where.parse())
     posed = problem.make(cars.load(CAR), targets.load(CAR))
-    shares = tuning.moved(posed, sweep)
+    shares = tuning.largest_effects(posed, sweep)
     cases = [
         tuning.job_of(posed, shares, Path(), BUDGET, sampler=name, seed=i) for name in SAMPLERS for i in range(SEEDS)
     ]
@@ -50,6 +50,6 @@ def _course(case: Job) -> list[float]:
     with TemporaryDirectory() as out, search.quiet():
         job = case._replace(out=out, stops=False)
         search.work(WorkerOf(job, 0))
-        trials = search.finished(search.current(job, storage.opened(Path(out), None)))
-    distances = (search.total(trial) if search.kept(trial) else math.inf for trial in trials)
+        trials = search.finished_sets(search.current(job, storage.open_storage(Path(out), None)))
+    distances = (search.total(trial) if search.keeps_constraints(trial) else math.inf for trial in trials)
     return list(itertools.accumulate(distances, min))

@@ -134,7 +134,7 @@ def write(car: "Car", path: str | os.PathLike[str], comments: bool = False) -> N
 
 def text(car: "Car", comments: bool = False) -> str:
     """The text of the ``.toml`` file that :func:`write` writes, with its errors."""
-    return _toml(data(car), explained() if comments else {})
+    return _toml(data(car), comments_of() if comments else {})
 
 
 def _toml(contents: Mapping[str, Any], comments: Mapping[str, str], section: str = "") -> str:
@@ -158,7 +158,7 @@ def _toml(contents: Mapping[str, Any], comments: Mapping[str, str], section: str
     return "\n".join([*lines, "", *tables])
 
 
-def explained() -> dict[str, str]:
+def comments_of() -> dict[str, str]:
     """A comment for the file, for each section and for each key, in the form that a written file takes."""
     keys = {
         f"{section}.{key}": f"{about.meaning}{f' [{about.unit}]' if about.unit else ''}; {about.allowed}"

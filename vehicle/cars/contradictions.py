@@ -29,7 +29,7 @@ def check(car: "Car") -> None:
         Naming the key, its value, and the range that the other numbers leave, with the reason.
     """
     _masses(car.chassis)
-    _outline(car.chassis)
+    _length_and_width(car.chassis)
     _inertias(car.chassis)
     _wheels(car)
     _roll(car)
@@ -67,7 +67,7 @@ def _masses(c: dict[str, float]) -> None:
     )
 
 
-def _outline(c: dict[str, float]) -> None:
+def _length_and_width(c: dict[str, float]) -> None:
     wheelbase, track = c["front_axle"] + c["rear_axle"], max(c["front_track"], c["rear_track"])
     if "length" in c:
         _require("chassis.length", c["length"], "m", "the wheelbase front_axle + rear_axle", above=wheelbase)

@@ -76,7 +76,7 @@ def _checked(data: dict[str, Any]) -> Car:
         source=data["source"],
         chassis=chassis,
         steering=steering,
-        **{section: _constructed(section, data[section]) for section in CONSTRUCTORS},
+        **{section: _construct(section, data[section]) for section in CONSTRUCTORS},
         tyre=_tyre(data["tyre"]),
         strut=strut,
         kinematics_table=_kinematics(strut, steering["rack_limit"]),
@@ -184,7 +184,7 @@ def _depth(value: Any) -> int:
     return 1 + max(map(_depth, value), default=0) if isinstance(value, list | tuple) else 0
 
 
-def _constructed(section: str, given: Any) -> Any:
+def _construct(section: str, given: Any) -> Any:
     """The parameters of a section that has a constructor."""
     make = CONSTRUCTORS[section]
     known = signature(make).parameters
@@ -245,7 +245,7 @@ def load(
     if isinstance(name, Car):
         car = name
     elif isinstance(name, Mapping):
-        car = from_data(_completed(name, "mapping", Path()))
+        car = from_data(_complete(name, "mapping", Path()))
     elif not isinstance(name, str | PathLike):
         raise ValueError(
             f"vehicle must be a name, a path, a Car or a mapping as a car file, got a {type(name).__name__}"
@@ -254,7 +254,7 @@ def load(
         car = _from_file(Path(name)) if _is_file(name) else _packaged(fspath(name))
     if steering is not None:
         car = _with_steering(car, steering)
-    return _changed(car, changes) if changes else car
+    return _change(car, changes) if changes else car
 
 
 def _with_steering(car: Car, kind: str) -> Car:
@@ -271,7 +271,7 @@ def _with_steering(car: Car, kind: str) -> Car:
     return _packaged(counterpart)
 
 
-def _changed(car: Car, changes: Mapping[str, Any]) -> Car:
+def _change(car: Car, changes: Mapping[str, Any]) -> Car:
     """The car with other values of some keys, with a warning of what is unusual only since."""
     data = car.data()
     for name, value in changes.items():
@@ -306,13 +306,13 @@ def _data(name: str) -> dict[str, Any]:
     if name not in available():
         raise ValueError(f"vehicle must be a .toml or .json file or one of {', '.join(available())}, got {name!r}")
     data = json.loads((DATA / f"{name}.json").read_text(encoding="utf-8"))
-    return _completed(data, name, DATA) if "base" in data else data
+    return _complete(data, name, DATA) if "base" in data else data
 
 
 def _from_file(path: Path) -> Car:
-    text, data = _parsed(path)
+    text, data = _parse(path)
     try:
-        car = _checked(_completed(data, path.stem, path.parent))
+        car = _checked(_complete(data, path.stem, path.parent))
     except ValueError as error:
         raise ValueError(f"{path}:{_line(text, str(error))} {error}") from None
     for message in plausible.unusual(car):
@@ -320,13 +320,13 @@ def _from_file(path: Path) -> Car:
     return car
 
 
-def _parsed(path: Path) -> tuple[str, Any]:
+def _parse(path: Path) -> tuple[str, Any]:
     """Text and contents of a file."""
     text = toml.text(path)
-    return text, toml.parsed(path, text, toml.loads if path.suffix == ".toml" else json.loads)
+    return text, toml.parse_file(path, text, toml.loads if path.suffix == ".toml" else json.loads)
 
 
-def _completed(given: Any, name: str, folder: Path) -> Any:
+def _complete(given: Any, name: str, folder: Path) -> Any:
     """The contents of a file with what it takes from its base, there its usual name, and the place of its tyre file."""
     data = dict(given) if isinstance(given, Mapping) else given
     if isinstance(data, dict) and "base" not in data and not set(SECTIONS) <= set(data):

@@ -24,7 +24,7 @@ from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.interpolation import bracket
 from steer_env.friction.numerics.kernel import COMPILED, dispatch, kernel
-from steer_env.friction.numerics.units import NONE, ONE, Function, Unit, array, caller, part, remembered, values
+from steer_env.friction.numerics.units import NONE, ONE, Function, Unit, array, caller, memory_size, part, values
 from steer_env.vehicle.keys import checked
 from steer_env.vehicle.steering.assist.by_speed import table
 
@@ -206,7 +206,7 @@ def bound(m: Any) -> Any:
 _KERNELS: dict[type, dict[str, Any]] = {
     NoMotor: {"size": _no_size, "limited": _unlimited, "warm": _unwarmed},
     Motor: {"size": _size, "limited": _limited, "warm": _warmed},
-    Unit: {"size": remembered, "limited": _limited_of_unit, "warm": _warmed_of_unit},
+    Unit: {"size": memory_size, "limited": _limited_of_unit, "warm": _warmed_of_unit},
 }
 
 # The dispatch points. Plain Python runs the bodies; compiled code takes the kernel for the class.

@@ -7,7 +7,7 @@ from steer_env.vehicle import chassis, plant
 from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST, HAND, HAND_SPEED, INPUTS, TARGET_SPEED
 from steer_env.vehicle.layout import layout_of, size_of, states
 from steer_env.vehicle.steering.column import HANDWHEEL_ANGLE, HANDWHEEL_SPEED
-from steer_env.vehicle.subsystems.subsystem import Signal, Subsystem, channel_signals, reached
+from steer_env.vehicle.subsystems.subsystem import Signal, Subsystem, channel_signals, interpolate_hands
 
 # Bounds of inputs are far beyond what a car meets, all assumed: nearly five turns of the handwheel, for example. What
 # is beyond is the mistake of a unit or a sensor, and would leave a state behind that takes seconds to return.
@@ -39,13 +39,13 @@ NAMED = {
 _UNITS = dict(INPUTS)
 
 
-def named(name: str) -> Signal:
+def input_signal(name: str) -> Signal:
     """The input of a subsystem for an input of the plant."""
     own, meaning, bounds = NAMED[name]
     return Signal(own, _UNITS[name], meaning, 0.0, *bounds)
 
 
-def given_place(place: int) -> int:
+def input_index(place: int) -> int:
     """Place among what a subsystem is given of an input of the plant; that of the hands is their torque."""
     return place if place == HAND else place + 1
 
@@ -59,7 +59,7 @@ def advance(p, state, given, inputs, outputs, samples):
         u[i] = given[i + 1]
     for i in range(samples):
         if p.robot > 0.0:
-            u[HAND], u[HAND_SPEED] = reached(start, start_speed, given[1], given[2], i + 1, samples)
+            u[HAND], u[HAND_SPEED] = interpolate_hands(start, start_speed, given[1], given[2], i + 1, samples)
         else:
             u[HAND], u[HAND_SPEED] = given[0], 0.0
         if not plant.run(p, state, inputs, outputs, 1):
@@ -70,17 +70,17 @@ def advance(p, state, given, inputs, outputs, samples):
 def subsystem(p: plant.Plant) -> Subsystem:
     """The car of a plant."""
     start, shown = plant.settled(p)
-    return unsettled(p)._replace(start=start, shown=shown)
+    return without_start_state(p)._replace(start=start, shown=shown)
 
 
-def unsettled(p: plant.Plant) -> Subsystem:
+def without_start_state(p: plant.Plant) -> Subsystem:
     """The car of a plant with zeros in place of its settled state: enough to compile it, and nothing is run."""
     kind = chassis.chassis_of(p.chassis)
     first = layout_of(p).chassis
     positions = tuple(i for i, (name, _) in enumerate(kind.states) if name in ("x", "y", "distance"))
     # A chassis that does not report its speed holds it; inputs that would change the speed have no effect.
     end = len(INPUTS) if "longitudinal_speed" in dict(kind.channels) else TARGET_SPEED
-    inputs = tuple(named(name) for name, _ in INPUTS[ASSIST_REQUEST:])
+    inputs = tuple(input_signal(name) for name, _ in INPUTS[ASSIST_REQUEST:])
     return Subsystem(
         name="car",
         title="Car with its steering: hands, throttle, brake and wind in, every channel out",

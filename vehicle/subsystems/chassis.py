@@ -14,7 +14,7 @@ from steer_env.vehicle.steering.column import COLUMN_ANGLE, COLUMN_SPEED
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 from steer_env.vehicle.subsystems import car
 from steer_env.vehicle.subsystems.steering import RACK, RACK_MEANINGS
-from steer_env.vehicle.subsystems.subsystem import Signal, Subsystem, channel_signals, is_finite, reached
+from steer_env.vehicle.subsystems.subsystem import Signal, Subsystem, channel_signals, interpolate_hands, is_finite
 
 SECTIONS = ("chassis", "tyre")
 MOST = (1.0, 10.0)  # travel [m] and speed [m/s] that are taken; far beyond those of a rack, assumed
@@ -36,7 +36,9 @@ def advance(p, state, given, inputs, outputs, samples):
     for i in range(samples):
         s = (state[at.steps] + 0.5) / plant.STEPS_PER_CHASSIS_STEP
         plant.roll(p, at, state, s, u, SAMPLE_TIME)
-        state[COLUMN_ANGLE], state[COLUMN_SPEED] = reached(start, start_speed, given[0], given[1], i + 1, samples)
+        state[COLUMN_ANGLE], state[COLUMN_SPEED] = interpolate_hands(
+            start, start_speed, given[0], given[1], i + 1, samples
+        )
         if state[at.steps] == plant.STEPS_PER_CHASSIS_STEP:
             plant.evaluate(p, at, state, u, derivative)
             state[at.steps] = 0.0

@@ -32,7 +32,7 @@ def make(name: str, p: Plant, speed: float) -> Subsystem:
     one_of("subsystem", name, SUBSYSTEMS)
     if name == "steering":
         return steering.subsystem(p, speed)
-    own = plant.held_speed(p)
+    own = plant.initial_speed(p)
     if abs(own - speed) > ROUNDING:
         raise ValueError(
             f"the plant of the {name} drives at {own:.6g} m/s, not at {speed:.6g} m/s: make it at that speed"

@@ -8,8 +8,8 @@ from steer_env.vehicle import plant
 from steer_env.vehicle.layout import layout, size_of, states
 from steer_env.vehicle.steering.column import COLUMN_ANGLE, COLUMN_SPEED, HANDWHEEL_ANGLE, HANDWHEEL_SPEED
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
-from steer_env.vehicle.subsystems.car import FORCE, HANDS, named
-from steer_env.vehicle.subsystems.subsystem import Signal, Subsystem, channel_signals, is_finite, reached
+from steer_env.vehicle.subsystems.car import FORCE, HANDS, input_signal
+from steer_env.vehicle.subsystems.subsystem import Signal, Subsystem, channel_signals, interpolate_hands, is_finite
 
 # Fields of the plant that belong to the chassis.
 OF_CHASSIS = ("chassis", "strut", "tyre")
@@ -39,7 +39,7 @@ def advance(p, state, given, inputs, outputs, samples):
     for i in range(samples):
         hand, hand_speed = given[0], 0.0
         if p.robot > 0.0:
-            hand, hand_speed = reached(start, start_speed, given[1], given[2], i + 1, samples)
+            hand, hand_speed = interpolate_hands(start, start_speed, given[1], given[2], i + 1, samples)
         before, after = plant.sample(p, at, state, given[5], given[3])
         rack = p.pinion_radius * state[COLUMN_ANGLE]  # (P1)
         beyond = rack - within(rack, -p.rack_limit, p.rack_limit)
@@ -55,7 +55,7 @@ def subsystem(p: plant.Plant, speed: float) -> Subsystem:
     """The steering of a plant; ``speed`` is the start value of the vehicle's [m/s]."""
     given = (
         *HANDS,
-        named("assist_request"),
+        input_signal("assist_request"),
         Signal(
             "rack_force", "N", "force on the rack over the step, positive where it resists a left turn", 0.0, *FORCE
         ),

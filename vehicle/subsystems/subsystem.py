@@ -58,7 +58,7 @@ def channel_signals(channels: Iterable[tuple[str, str]], meanings: Mapping[str, 
 
 
 @kernel
-def reached(start, start_speed, end, end_speed, sample, samples):
+def interpolate_hands(start, start_speed, end, end_speed, sample, samples):
     """Value and speed at the end of a sample of a communication step, of what is prescribed for its end.
 
     Up to there the value follows the cubic that meets value and speed at both ends.

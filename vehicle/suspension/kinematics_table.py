@@ -14,11 +14,11 @@ from steer_env.friction.numerics import packing
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.kernel import kernel, plain, plainly
-from steer_env.friction.numerics.simd import floor, load, minimum, place, spread, unpack_cars, where
+from steer_env.friction.numerics.simd import as_index, floor, load, minimum, spread, unpack_cars, where
 from steer_env.vehicle.suspension.macpherson import MacPherson, load_coefficients
 
 
-@packing.shared
+@packing.mark_as_tables
 class KinematicsTable(NamedTuple):
     """Spline coefficients of a left wheel on a uniform grid; its channels are the fields of ``Knuckle``, ``Travel``."""
 
@@ -145,7 +145,7 @@ def _cell(u, cells):
     """Cell that holds u (counted in cells) and the position in it, 0..1; the edge beyond the range, NaN for NaN."""
     u = within(u, 0.0, cells)
     cell = minimum(floor(where(u > 0.0, u, 0.0)), cells - 1.0)
-    return place(cell), u - cell
+    return as_index(cell), u - cell
 
 
 @kernel
@@ -183,7 +183,7 @@ def _patch(table, i, j, k, r, t):
 
 
 @kernel
-def _place(m, rack, travel):
+def _splines_and_weights(m, rack, travel):
     """First spline and the weights of four, along rack and travel."""
     i, u = _cell((rack - m.rack_min) * m.rack_cells_per_metre, m.table.shape[0] - 3)
     j, v = _cell((travel - m.travel_min) * m.travel_cells_per_metre, m.table.shape[1] - 3)
@@ -193,7 +193,7 @@ def _place(m, rack, travel):
 @kernel
 def left(m, rack, travel):
     """The left wheel: ``Knuckle`` at rack [m] and its travel [m]."""
-    i, j, r, t = _place(m, rack, travel)
+    i, j, r, t = _splines_and_weights(m, rack, travel)
     k = i - i  # not a literal, for which numba would compile the patch once for each value
     steer, inclination, F_x_contact, F_x_centre = unpack_cars(_patch(m.table, i, j, k, r, t))
     F_y, F_z, M_x, M_z = unpack_cars(_patch(m.table, i, j, k + 4, r, t))
@@ -203,7 +203,7 @@ def left(m, rack, travel):
 @kernel
 def left_travel(m, rack, travel):
     """The left wheel: ``Travel`` at rack [m] and its travel [m]."""
-    i, j, r, t = _place(m, rack, travel)
+    i, j, r, t = _splines_and_weights(m, rack, travel)
     k = i - i
     centre_x, contact_y, roll, pitch = unpack_cars(_patch(m.table, i, j, k + 8, r, t))
     _, _, compression, compression_rate = unpack_cars(_patch(m.table, i, j, k + 10, r, t))

@@ -362,13 +362,13 @@ def read(path: str | os.PathLike) -> PropertyFile:
     file = PropertyFile(
         version,
         sections,
-        {name: _trimmed(body) for name, body in found.extensions.items()},
+        {name: _trim(body) for name, body in found.extensions.items()},
         places={place: f"{path}:{line}: " for place, line in lines.items()},
     )
     return replace(file, notes=(*found.notes, *_notes(file)))
 
 
-def _trimmed(body: list[str]) -> tuple[str, ...]:
+def _trim(body: list[str]) -> tuple[str, ...]:
     """Lines without the comment and blank lines at the end, which belong to the next heading."""
     last = len(body)
     while last and (not body[last - 1].strip() or body[last - 1].lstrip()[0] in "$!"):

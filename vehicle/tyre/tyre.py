@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from steer_env.friction.numerics.check import constructed, number, positive, warn_once
+from steer_env.friction.numerics.check import construct, number, positive, warn_once
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle.tyre import scaling, tir
 from steer_env.vehicle.tyre.coefficients import ASYMMETRY, MagicFormula, record
@@ -511,11 +511,11 @@ def _from_data(given: Mapping[str, Any]) -> Tyre:
             if not isinstance(given[part], Mapping):
                 raise ValueError(f"tyre.{part} must hold keys and values, got {given[part]!r}")
             values = {key: number(f"tyre.{part}.{key}", value) for key, value in given[part].items()}
-            made[part] = constructed(f"tyre.{part}", kind, values)
+            made[part] = construct(f"tyre.{part}", kind, values)
     for key in ("name", "source"):
         if not isinstance(made.get(key, ""), str):
             raise ValueError(f"tyre.{key} must be text, got {made[key]!r}")
-    return constructed("tyre", Tyre, made)
+    return construct("tyre", Tyre, made)
 
 
 DATA = Path(__file__).parents[1] / "data" / "tyres"

@@ -20,7 +20,7 @@ def of(args: argparse.Namespace) -> list[dict[str, str]]:
     others = {str(getattr(args, name, None)) for name in ("vehicle", "tyre", "out")}
     words = dict.fromkeys(value for word in args.argv for value in (word, word.partition("=")[2]))
     found = []
-    folders = (str(path) for word in words if word not in others for path in recorded(word))
+    folders = (str(path) for word in words if word not in others for path in recordings_in(word))
     for word in dict.fromkeys((*words, *folders)):
         path = Path(word)
         if path.suffix and word not in others and path.is_file():
@@ -32,7 +32,7 @@ def of(args: argparse.Namespace) -> list[dict[str, str]]:
     return [*found, *({"module": name, "sha256": digest} for name, digest in modules.items())]
 
 
-def recorded(path: str) -> list[Path]:
+def recordings_in(path: str) -> list[Path]:
     """The recordings in a folder, by name; none where the path is no folder."""
     if not path or not Path(path).is_dir():
         return []

@@ -36,7 +36,7 @@ def in_options(text: str) -> str:
     return text
 
 
-def shortened(text: str) -> str:
+def shorten(text: str) -> str:
     """A message in one line without the middle of what is too long to read, such as a damaged value of a file."""
     text = " ".join(text.splitlines())
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST // 2]} [...] {text[-_LONGEST // 2 :]}"

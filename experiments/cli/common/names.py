@@ -5,8 +5,8 @@
 
 from importlib.resources import files
 
-from steer_env.experiments.pages.car_options import packaged as cars
-from steer_env.friction.numerics.registry import dashed, listed
+from steer_env.experiments.pages.car_options import packaged_names as cars
+from steer_env.friction.numerics.registry import modules_by_name, with_dashes
 
 __all__ = [
     "CAN_FORMATS",
@@ -37,32 +37,32 @@ SAMPLE_RATE = 1000.0  # of a simulated recording [Hz]
 
 def laws() -> tuple[str, ...]:
     """Packaged friction laws."""
-    return tuple(listed("steer_env.friction.models"))
+    return tuple(modules_by_name("steer_env.friction.models"))
 
 
 def manoeuvres() -> tuple[str, ...]:
     """Packaged manoeuvres, which are also the tests that metrics are defined for."""
-    return tuple(listed("steer_env.manoeuvres", dashed))
+    return tuple(modules_by_name("steer_env.manoeuvres", with_dashes))
 
 
 def chassis() -> tuple[str, ...]:
     """Chassis models."""
-    return tuple(listed("steer_env.vehicle.chassis"))
+    return tuple(modules_by_name("steer_env.vehicle.chassis"))
 
 
 def devices() -> tuple[str, ...]:
     """Devices of a drive."""
-    return tuple(listed("steer_env.live.devices"))
+    return tuple(modules_by_name("steer_env.live.devices"))
 
 
 def drivers() -> tuple[str, ...]:
     """Driver models."""
-    return tuple(listed("steer_env.drivers"))
+    return tuple(modules_by_name("steer_env.drivers"))
 
 
 def assists() -> tuple[str, ...]:
     """Assist controllers."""
-    return tuple(listed("steer_env.assists"))
+    return tuple(modules_by_name("steer_env.assists"))
 
 
 def friction_records() -> tuple[str, ...]:

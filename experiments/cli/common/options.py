@@ -42,7 +42,7 @@ __all__ = [
     "external_vehicle",
     "figures",
     "friction_law",
-    "noticed",
+    "noticeable_share",
     "real",
     "wheel_verdict",
     "whole_number",
@@ -264,7 +264,7 @@ def figures(args: argparse.Namespace) -> Iterator[None]:
             from steer_env.experiments.pages import files, style
 
             files.usable(args.figures)
-            stack.enter_context(style.kept(args.figures))
+            stack.enter_context(style.picture_folder(args.figures))
         yield
 
 
@@ -286,7 +286,7 @@ def add_plant(parser: argparse.ArgumentParser, speed: str, hands: str) -> None:
 
 
 def add_noticed(parser: argparse.ArgumentParser) -> None:
-    """Add ``--noticed-percent``, which every command with differences has; :func:`noticed` reads it."""
+    """Add ``--noticed-percent``, which every command with differences has; :func:`noticeable_share` reads it."""
     text = (
         "a sustained handwheel torque or angle that differs by this much is perceptible [%%] (default: 15, after "
         "Newberry, Griffin and Dowson 2007)"
@@ -294,7 +294,7 @@ def add_noticed(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--noticed-percent", metavar="P", type=real, help=text)
 
 
-def noticed(args: argparse.Namespace) -> float:
+def noticeable_share(args: argparse.Namespace) -> float:
     """The just-noticeable difference [1]; ValueError for a share that is not above 0."""
     from steer_env.friction.numerics.check import number
     from steer_env.metrics.common import just_noticeable

@@ -81,7 +81,7 @@ def assess(given: list[str], args: argparse.Namespace, tolerances: str | None, c
     from steer_env.experiments.reports import assessment
     from steer_env.experiments.studies.common import simulation_vs_measurement
 
-    paths = _expanded(given)
+    paths = _expand_folders(given)
     require_format(paths)
     if compare and not 2 <= len(paths) <= MOST:
         raise ValueError(f"--compare takes two to {MOST} recordings, got {len(paths)}")
@@ -98,12 +98,19 @@ def assess(given: list[str], args: argparse.Namespace, tolerances: str | None, c
     wanted = targets.load(args.targets) if args.targets else None
     allowed = simulation_vs_measurement.tolerances(tolerances) if tolerances else None
     conditions = _conditions(args)
-    told = {label: path + _mapped(places[label], args) for label, path in zip(labels, paths) if label in recordings}
+    told = {label: path + _mapping_of(places[label], args) for label, path in zip(labels, paths) if label in recordings}
     _check_conditions({told[label]: each for label, each in recordings.items()}, args.manoeuvre, conditions, compare)
     timing = None if args.timing_ms is None else 1e-3 * number("--timing-ms", args.timing_ms, minimum=0.0)
     with progress("driving variants of the simulation", total=None) if tolerances else nullcontext():
         found = assessment.assess(
-            recordings, args.manoeuvre, wanted, allowed, timing, options.noticed(args), compare=compare, **conditions
+            recordings,
+            args.manoeuvre,
+            wanted,
+            allowed,
+            timing,
+            options.noticeable_share(args),
+            compare=compare,
+            **conditions,
         )._replace(broken=broken)
     agree = not found.pairs or simulation_vs_measurement.passes(found.pairs)
     _print(found, agree, tolerances)
@@ -117,11 +124,11 @@ def assess(given: list[str], args: argparse.Namespace, tolerances: str | None, c
     return int(not (agree and readable) or bool(broken))
 
 
-def _expanded(given: list[str]) -> dict[str, int]:
+def _expand_folders(given: list[str]) -> dict[str, int]:
     """The files, a folder's recordings in its place -> place of what was given."""
     paths = dict[str, int]()
     for place, path in enumerate(given):
-        within = [str(each) for each in inputs.recorded(path)]
+        within = [str(each) for each in inputs.recordings_in(path)]
         if Path(path).is_dir() and not within:
             raise ValueError(f"{path} holds no recording: {names.RECORDED}")
         for each in within or [path]:
@@ -248,7 +255,7 @@ def _of_drive(found: Any) -> Iterator[str]:
         yield f"{share:.1%} of the deadlines were missed, by which the person was too fast for the simulation"
 
 
-def packaged(given: str, args: argparse.Namespace) -> str:
+def use_packaged_drive(given: str, args: argparse.Namespace) -> str:
     """Path of a packaged drive, whose mapping is then set unless one is given; any other name as it is."""
     from importlib.resources import files
 
@@ -271,7 +278,7 @@ def check_can(paths: list[str], args: argparse.Namespace) -> None:
     from steer_env.recording import can_log
 
     for option, value in (("--dbc", args.dbc), ("--bus", args.bus)):
-        if value and not any(can_log.recognised(path, can_options(args)) for path in paths):
+        if value and not any(can_log.is_can_log(path, can_options(args)) for path in paths):
             logs = f"CAN logs ({', '.join(names.CAN_FORMATS)}, or raw frames in .mf4 with --dbc)"
             raise ValueError(f"{option} is for {logs}, not {' or '.join(paths)}")
 
@@ -282,7 +289,7 @@ def _labels(paths: list[str]) -> list[str]:
     return paths if len(set(labels)) < len(labels) else labels
 
 
-def _mapped(place: int, args: argparse.Namespace) -> str:
+def _mapping_of(place: int, args: argparse.Namespace) -> str:
     """The mapping of a recording, for messages about its meta."""
     return f" (mapping {args.mapping[place]})" if place < len(args.mapping) else ""
 
@@ -319,17 +326,17 @@ def read(path: str, place: int, args: argparse.Namespace, lacks: bool = False) -
     lacking = [name for name in args.without if name not in found.channels] if lacks else []
     if lacking:
         print(f"{path}: has no {', '.join(lacking)}, which is left out of the others")
-    with _named(path):
+    with _with_file_name(path):
         found = found.without(*(name for name in args.without if name not in lacking))
         require_moderate(found)
-    for note in (*_notes(found.meta, can_log.recognised(path, can_options(args))), *_of_drive(found)):
+    for note in (*_notes(found.meta, can_log.is_can_log(path, can_options(args))), *_of_drive(found)):
         print(f"{path}: {note}")
-    with _named(path):
+    with _with_file_name(path):
         return found.between(*args.between) if args.between else found
 
 
 @contextmanager
-def _named(path: str) -> Iterator[None]:
+def _with_file_name(path: str) -> Iterator[None]:
     """Errors of a recording with the name of its file."""
     try:
         yield
@@ -344,8 +351,8 @@ def _read(path: str, place: int, args: argparse.Namespace) -> Any:
     found = read(path, place, args)
     if args.manoeuvre is None and found.meta.get("manoeuvre") is None:
         raise ValueError(f"{path} does not name its test: give --manoeuvre, one of {', '.join(names.manoeuvres())}")
-    test = _test(path + _mapped(place, args), found.meta.get("manoeuvre"), args.manoeuvre)
-    with _named(path):
+    test = _test(path + _mapping_of(place, args), found.meta.get("manoeuvre"), args.manoeuvre)
+    with _with_file_name(path):
         return found if metrics.evaluation_by_name(test).gaps else found.bridged()
 
 

@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> None:
     curves = {
         title: file for label, path in paths.items() for title, file in policy.learning_curves(path, label).items()
     }
-    if car_options.given(args):
+    if car_options.any_given(args):
         made["vehicle"] = car_options.load(args).data()
     evaluate_and_report(args, env_id, controllers, args.out, made, curves, sweep)
 

@@ -51,14 +51,14 @@ def run(args: argparse.Namespace) -> None:
         about = policy.about(path)
         made = {**policy.conditions(about), "friction": policy.law(about["friction"], path).parameters}
         caution(path, about)
-    make = controllers.named(name, args.env)
+    make = controllers.controller_named(name, args.env)
     if args.friction:
         made["friction"] = args.friction.parameters
-    if car_options.given(args):
+    if car_options.any_given(args):
         made["vehicle"] = car_options.load(args).data()
     usable(out, dataset.CONTENTS)
     with progress("recording") as notify:
         dataset.record(out, args.env, Path(name).stem, make, args.episodes, args.seed, notify, args.quality, **made)
     print(out / dataset.DATA)
     if args.quality:
-        print("score {:.2f}, mean cost {:.2f}".format(*dataset.scored(out)))
+        print("score {:.2f}, mean cost {:.2f}".format(*dataset.mean_score(out)))

@@ -37,10 +37,10 @@ def run(args: argparse.Namespace) -> None:
         raise ValueError(f"{SHIPPED!r} needs --env ID, the environment whose shipped policy is meant")
     if args.friction and "law" not in args.over:
         raise ValueError(f"--friction names the laws of --over law, and --over is {', '.join(args.over)}")
-    if car_options.given(args) and "car" not in args.over:
+    if car_options.any_given(args) and "car" not in args.over:
         raise ValueError(f"--vehicle, --tyre and --set are of --over car, and --over is {', '.join(args.over)}")
     require("train", "evaluating a policy")
-    own = car_options.load(args) if car_options.given(args) else None
+    own = car_options.load(args) if car_options.any_given(args) else None
 
     from steer_env.experiments.cli.common.policies import caution, trace
     from steer_env.experiments.cli.common.tables import print_shift
@@ -50,7 +50,7 @@ def run(args: argparse.Namespace) -> None:
     from steer_env.experiments.pages.options import progress
 
     sweep = runner(args)
-    path = policy.shipped(args.env) if args.file == SHIPPED else Path(args.file)
+    path = policy.shipped_policy(args.env) if args.file == SHIPPED else Path(args.file)
     about = policy.about(path)
     if args.env not in (None, about["env"]):
         raise ValueError(f"{path} was trained for {about['env']}, not {args.env}: leave --env out")

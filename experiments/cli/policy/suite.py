@@ -29,7 +29,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print the results, and write them where --out says; the exit code."""
     from steer_env.experiments.cli.common.extras import require
-    from steer_env.experiments.learning.controllers import is_policy, named, path_of
+    from steer_env.experiments.learning.controllers import controller_named, is_policy, path_of
 
     controllers = args.controllers or [*names.assists()]
     policies = [name for name in controllers if is_policy(name)]
@@ -46,8 +46,8 @@ def run(args: argparse.Namespace) -> int:
     assist_suite.task_named(env_id)
     for path in (path_of(name, env_id) for name in policies):
         caution(path, policy.about(path))
-    makers = {name: named(name, env_id) for name in controllers}
-    car = car_options.load(args) if car_options.given(args) else None
+    makers = {name: controller_named(name, env_id) for name in controllers}
+    car = car_options.load(args) if car_options.any_given(args) else None
     with progress("driving") as notify:
         found = assist_suite.examine_all(makers, env_id, notify, runner(args), car)
     for name, results in found.items():

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env import manoeuvres, metrics
-from steer_env.experiments.pages.plots import thinned
+from steer_env.experiments.pages.plots import thin_out
 from steer_env.experiments.studies.common import simulation_vs_measurement
 from steer_env.manoeuvres.common import driving
 from steer_env.metrics import RefusedError, Value
@@ -46,10 +46,10 @@ class Drive(NamedTuple):
 
 LIKE = "lugre"  # with its default parameters, whose amplitudes lie near those of any law
 _NO_NUMBERS = ("hand", "reach", "driver", "others")  # functions of a manoeuvre, which cannot be compared
-_near: dict[bytes, driving.Found] = {}  # of this process
+_near: dict[bytes, driving.FoundAmplitude] = {}  # of this process
 
 
-def near(car: Car, manoeuvre: manoeuvres.Manoeuvre) -> driving.Found | None:
+def near(car: Car, manoeuvre: manoeuvres.Manoeuvre) -> driving.FoundAmplitude | None:
     """Where the search for an amplitude begins, whatever the law.
 
     Every process looks for it by itself, so that no result depends on where and after what it is computed.
@@ -104,7 +104,7 @@ def _thin(recording: Recording) -> simulation_vs_measurement.Curves:
     except RefusedError:  # the metrics give the reason
         return {}
     points = max(POINTS, round(PER_SECOND * curves["time"][-1])) if "time" in curves else POINTS
-    return {name: thinned(values, points).astype(np.float32) for name, values in curves.items()}
+    return {name: thin_out(values, points).astype(np.float32) for name, values in curves.items()}
 
 
 def _site_loss(recording: Recording, period: float) -> float:

@@ -16,7 +16,7 @@ from steer_env import friction, manoeuvres
 from steer_env.experiments.pages import provenance
 from steer_env.experiments.pages.words import percent
 from steer_env.experiments.studies.common import simulation_vs_measurement
-from steer_env.experiments.studies.common.scaling import scaled
+from steer_env.experiments.studies.common.scaling import scale_record
 from steer_env.experiments.studies.common.simulation_vs_measurement import ENOUGH, Tolerance
 from steer_env.friction.law import as_mapping, law_of
 from steer_env.friction.sites import LEAST, NOTHING, Sites, sliding_torque
@@ -61,7 +61,7 @@ class Power(NamedTuple):
 
 
 def _level(car: Car, law: Any, factor: float) -> tuple[Car, Any]:
-    return car, scaled(law, factor, 1.0)
+    return car, scale_record(law, factor, 1.0)
 
 
 def key_times(name: str, car: Car, law: Any, factor: float) -> tuple[Car, Any]:
@@ -86,7 +86,7 @@ CHANGES: Mapping[str, Change] = {
 }
 
 
-def simulated(recording: Recording) -> Simulated:
+def simulation_of(recording: Recording) -> Simulated:
     """What a recording was simulated with, by its trace.
 
     Raises
@@ -151,7 +151,7 @@ def power(
         return None
 
     try:
-        own = simulated(recording)
+        own = simulation_of(recording)
         if inside(own.car, own.law)[1] > SAME:
             raise ValueError("driven again by its trace it is another one")
     except (ValueError, RefusedError) as error:
@@ -159,7 +159,7 @@ def power(
     others = other_laws(own.car, own.law)
     sides = [(change, factors) for change in CHANGES.values() for factors in (_BELOW, FACTORS)]
     with ThreadPoolExecutor(WORKERS) as pool:
-        ends = list(pool.map(first, [_changed(own, change, factors) for change, factors in sides]))
+        ends = list(pool.map(first, [_change(own, change, factors) for change, factors in sides]))
         laws = dict(zip(others, pool.map(lambda p: bool(shows(own.car, p)), others.values())))
     return Power(tuple(map(Shown, CHANGES, ends[::2], ends[1::2])), laws)
 
@@ -178,7 +178,7 @@ def other_laws(car: Car, own: Any) -> dict[str, Any]:
     return found
 
 
-def _changed(own: Simulated, change: Change, factors: Sequence[float]) -> list[tuple[float, Car, Any]]:
+def _change(own: Simulated, change: Change, factors: Sequence[float]) -> list[tuple[float, Car, Any]]:
     """Car and law with a parameter times each factor, up to the first that car file or law do not allow."""
     cases = []
     with warnings.catch_warnings():

@@ -146,9 +146,9 @@ def in_turns(
         for i in range(ROUNDS):
             for name in left[:: -1 if i % 2 else 1]:
                 before = clocks.wall()
-                beside.append(_timed(bare, clocks.own))
+                beside.append(_time(bare, clocks.own))
                 waited += clocks.wall() - before
-                times[name].append(_timed(blocks[name].run, clocks.own) / blocks[name].steps)
+                times[name].append(_time(blocks[name].run, clocks.own) / blocks[name].steps)
             spent = 1e-9 * (clocks.wall() - start) / MOST_SECONDS
             notify(min(max((i + 1) / ROUNDS, spent), 1.0))
             if spent >= 1.0 and i + 1 >= LEAST_ROUNDS:
@@ -256,7 +256,7 @@ def _column(p: Any) -> Block:
 
     once = block(T1)
     once.run()
-    return block(np.tile(T1, max(round(BLOCK / _timed(once.run, OWN)), 1)))
+    return block(np.tile(T1, max(round(BLOCK / _time(once.run, OWN)), 1)))
 
 
 def _cars(car: Car, laws: Mapping[str, Any]) -> dict[tuple[str, str], Block]:
@@ -286,7 +286,7 @@ def _bare_loop() -> Callable[[], Any]:
     return lambda: loop(BARE_STEPS)
 
 
-def _timed(run: Callable[[], Any], clock: Callable[[], int]) -> int:
+def _time(run: Callable[[], Any], clock: Callable[[], int]) -> int:
     start = clock()
     run()
     return clock() - start

@@ -132,14 +132,14 @@ def _exchange(device: Device, mail: Mailboxes, subsystem: Subsystem, jumps: Jump
         time.sleep(max(due - time.monotonic(), 0.0))
 
 
-def _compiled(subsystem: Subsystem, priority: int) -> tuple[Mailboxes, RealTime]:
+def _compile(subsystem: Subsystem, priority: int) -> tuple[Mailboxes, RealTime]:
     mail = Mailboxes(subsystem, angle_bandwidth=BANDWIDTH)
     return mail, RealTime(subsystem, mail.device, priority=priority)
 
 
 def through_fake(subsystem: Subsystem, seconds: float, priority: int = 0) -> Latency:
     """Through the fake device without a delay of its own: the exchange and the loop."""
-    mail, loop = _compiled(subsystem, priority)
+    mail, loop = _compile(subsystem, priority)
     jumps = Jumps(seconds)
     with _Jumping(jumps) as device, loop:
         _exchange(device, mail, subsystem, jumps)
@@ -155,7 +155,7 @@ def through_can(subsystem: Subsystem, seconds: float, priority: int = 0) -> Late
         python-can or cantools are not installed.
     """
     dbc = files("steer_env.experiments") / "data" / "real_time" / "wheel.dbc"
-    mail, loop = _compiled(subsystem, priority)
+    mail, loop = _compile(subsystem, priority)
     with devices.make("can", dbc=str(dbc), interface="virtual", channel=_BUS, max_torque=8.0) as device:
         jumps, heard, over = Jumps(seconds), list[tuple[int, float]](), threading.Event()
         node = threading.Thread(target=_node, args=(jumps, heard, over), daemon=True)

@@ -22,7 +22,7 @@ from scipy import interpolate, optimize, stats
 
 from steer_env import manoeuvres, metrics
 from steer_env.experiments.pages import provenance
-from steer_env.experiments.pages.words import label, law_name, listed, number, percent
+from steer_env.experiments.pages.words import in_words, label, law_name, number, percent
 from steer_env.experiments.studies.common import comparison_power, simulation_vs_measurement
 from steer_env.experiments.studies.common.comparison_power import CHANGES, STEERED
 from steer_env.experiments.studies.common.simulation_vs_measurement import RATE, Pair, Tolerance
@@ -245,7 +245,7 @@ class Measured:
         self, measured: Recording, simulated: Recording, test: str, allowed: Mapping[str, Tolerance], **given: Any
     ) -> None:
         self.measured = measured
-        own = comparison_power.simulated(simulated)
+        own = comparison_power.simulation_of(simulated)
         self.own = Setting(own.car, own.law)
         self._evaluation, self._given = metrics.evaluation_of(measured, test), given
         self._loops = all("time" not in pair for pair in self._evaluation.plots)
@@ -574,7 +574,7 @@ def phrase(fit: Fit) -> str:
     """What a fit changes, in words."""
     told = [f"{change.name} {amount(change)}" for change in fit.changes]
     law = [f"the friction law {law_name(fit.law)}"] if fit.law else []
-    return listed([*law, *told]) if told else "the measured input alone"
+    return in_words([*law, *told]) if told else "the measured input alone"
 
 
 def _offsets(found: Explanation) -> list[str]:
@@ -593,7 +593,7 @@ def verdict(found: Explanation) -> str:
     if found.best.changes:
         return f"{said}; {phrase(found.best)} would explain it."
     if found.offsets:
-        return f"{said}; sensors that are off would explain it: {listed(_offsets(found))}."
+        return f"{said}; sensors that are off would explain it: {in_words(_offsets(found))}."
     return f"{said}, but not beyond noise once it is driven with the speed and handwheel angle of the measurement."
 
 
@@ -611,9 +611,9 @@ def sentences(found: Explanation) -> list[str]:
         f"Driven again with it, the simulation is {where} the tolerances, at most {number(worst, 2)} of them away."
     )
     if found.offsets:
-        told.append(f"Sensors are off, which is subtracted: {listed(_offsets(found))}.")
+        told.append(f"Sensors are off, which is subtracted: {in_words(_offsets(found))}.")
     if found.hidden:
-        told.append(f"This measurement cannot show: {listed(found.hidden)}.")
+        told.append(f"This measurement cannot show: {in_words(found.hidden)}.")
     return told
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from steer_env import drivers, friction, manoeuvres
 from steer_env.experiments.studies.common import battery
 from steer_env.experiments.studies.common.battery import MATTERS, Difference, Drive
-from steer_env.experiments.studies.common.scaling import scaled
+from steer_env.experiments.studies.common.scaling import scale_record
 from steer_env.friction import defaults
 from steer_env.manoeuvres.common.driving import build_plant, drive_plant
 from steer_env.metrics import Value
@@ -86,7 +86,7 @@ def cases(laws: Mapping[str, Any], measured: Mapping[str, Any]) -> list[Case]:
     found += [Case(MEASURED, name, f"{MEASURED}: {first}", of) for name, of in measured.items()]
     bare = f"{UNASSISTED}: {BASE_LAW}"
     found += [Case(UNASSISTED, name, bare, of, assist=False) for name, of in laws.items()]
-    found += [Case(LEVEL, f"{part * defaults.F_C:.2g} N m", base, scaled(p, part, 1.0)) for part in LEVELS]
+    found += [Case(LEVEL, f"{part * defaults.F_C:.2g} N m", base, scale_record(p, part, 1.0)) for part in LEVELS]
     for part in DISTANCES:
         degrees = math.degrees(part * p.F_c / p.sigma_0)
         found.append(Case(PRESLIDING, f"{degrees:.2g} deg", base, p._replace(sigma_0=p.sigma_0 / part)))
@@ -97,8 +97,8 @@ def cases(laws: Mapping[str, Any], measured: Mapping[str, Any]) -> list[Case]:
     found += [Case(STEP, f"{1e3 * SAMPLE_TIME / n:.2g} ms", base, p, substeps=n) for n in SUBSTEPS]
     column = COLUMN_FRICTION / p.F_c
     found += [
-        Case(SITE, f"{COLUMN_FRICTION:g} N m moved above the torsion bar", base, *_split(p, column)),
-        Case(SITE, "half moved above the torsion bar", base, *_split(p, 0.5)),
+        Case(SITE, f"{COLUMN_FRICTION:g} N m moved above the torsion bar", base, *_split_at_bar(p, column)),
+        Case(SITE, "half moved above the torsion bar", base, *_split_at_bar(p, 0.5)),
     ]
     found += [Case(LOAD, text, base, p, load=part) for text, part in (("none by load", 0.0), ("twice by load", 2.0))]
     found += [
@@ -119,9 +119,9 @@ def cases(laws: Mapping[str, Any], measured: Mapping[str, Any]) -> list[Case]:
     return [*found, Case(TEMPERATURE, f"{COLD:g} K", base, p, conditions=cold)]
 
 
-def _split(p: Any, share: float) -> tuple[Any, Any]:
+def _split_at_bar(p: Any, share: float) -> tuple[Any, Any]:
     """A law below and above the torsion bar, whose torques add up to those of ``p``."""
-    return scaled(p, 1.0 - share, 1.0), scaled(p, share, 1.0)
+    return scale_record(p, 1.0 - share, 1.0), scale_record(p, share, 1.0)
 
 
 def recording(case: Case, car: Car, manoeuvre: manoeuvres.Manoeuvre, p: Any) -> Recording:
@@ -240,7 +240,7 @@ def by_level(rows: Sequence[Effect]) -> dict[str, list[Effect]]:
     return found
 
 
-class Driven(NamedTuple):
+class DriverEpisodes(NamedTuple):
     """Episodes of one law with a driver model in the loop, one value for each seed."""
 
     law: str
@@ -248,7 +248,7 @@ class Driven(NamedTuple):
     metrics: dict[str, list[float]]  # by metric [unit of the metric]
 
 
-def with_driver(job: tuple[str, Any, str, int]) -> Driven:
+def with_driver(job: tuple[str, Any, str, int]) -> DriverEpisodes:
     """Episodes in which a driver model with arms steers and only the car's own assist helps; a job of the sweep.
 
     In ``SERVO_TASKS`` the action is the hands', and a servo of the angle that knows of no law has it.
@@ -269,10 +269,10 @@ def with_driver(job: tuple[str, Any, str, int]) -> Driven:
         for metric, value in info["metrics"].items():
             found.setdefault(metric, []).append(float(value))
     env.close()
-    return Driven(name, task, found)
+    return DriverEpisodes(name, task, found)
 
 
-def paired(one: Sequence[float], other: Sequence[float]) -> tuple[float, float]:
+def paired_difference(one: Sequence[float], other: Sequence[float]) -> tuple[float, float]:
     """Mean difference by seed and half its 95 % interval (Student)."""
     from scipy import stats
 

@@ -19,7 +19,7 @@ from steer_env.experiments.studies.common.friction_cases import (
     DRIVER_TASKS,
     SERVO_TASKS,
     Case,
-    Driven,
+    DriverEpisodes,
     Effect,
 )
 from steer_env.experiments.studies.common.friction_records import Confusion, Judged
@@ -95,7 +95,7 @@ class Results(NamedTuple):
     effects: list[Effect]
     apart: dict[str, dict[str, float]]  # experiment -> law -> difference from the base law [1]
     held: list[Ripple]
-    driven: list[Driven]
+    driven: list[DriverEpisodes]
     confusion: list[Confusion]
 
     def remembers(self) -> list[str]:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from steer_env.experiments.studies.common.scaling import scaled
+from steer_env.experiments.studies.common.scaling import scale_record
 from steer_env.friction import defaults, make
 from steer_env.friction.law import advance, law_of, step, torque
 from steer_env.friction.numerics.kernel import kernel
@@ -89,7 +89,7 @@ def presliding(p: Any, h: float = 2e-4) -> Motion:
 
 
 @kernel
-def _prescribed(p, memory, middle, end, h, out):
+def _prescribed_motion(p, memory, middle, end, h, out):
     for i in range(middle.size):
         advance(p, 1.0, memory, middle[i], h)
         out[i] = torque(p, 1.0, memory, end[i])
@@ -110,7 +110,7 @@ def lag(p: Any, omega: float, n: int = 20_000) -> Lag:
     steps = np.arange(2 * n)  # the first cycle settles
     middle, v = (LAG_SPEED * (1.5 + np.cos(omega * h * (steps + part))) for part in (0.5, 1.0))
     F = np.empty(2 * n)
-    _prescribed(p, _memory(p), middle, v, h, F)
+    _prescribed_motion(p, _memory(p), middle, v, h, F)
     quarter = n + n // 4 - 1  # cos = 0
     return Lag(v[n:], F[n:], falling=float(F[quarter]), rising=float(F[quarter + n // 2]))
 
@@ -185,7 +185,7 @@ def laws(names: Iterable[str], F: float = PAPER.F_c) -> dict[str, Any]:
     distance = F / PAPER.sigma_0 / (defaults.F_C / defaults.SIGMA_0)
     found = {}
     for name in names:
-        p = scaled(make(name), F / defaults.F_C, distance)
+        p = scale_record(make(name), F / defaults.F_C, distance)
         known = PAPER._asdict() if "F_s" in p._fields else {**PAPER._asdict(), "F_c": F}
         found[name] = p._replace(**{key: x for key, x in known.items() if key in p._fields})
     return found

@@ -85,13 +85,13 @@ def collect(
     part = part_of(car, laws[law], kind)
     notify(LAWS, "latency")
     wanted = priority or PRIORITY
-    given = wanted if _allowed(wanted) else 0
+    given = wanted if _may_have_priority(wanted) else 0
     latencies = device_latency.through_all(part, WAY * seconds, given)
     notify(1.0 - CONDITIONS, "under conditions")
     return Results(rows, under_conditions(part, CONDITIONS * seconds, wanted), latencies, given)
 
 
-def _allowed(priority: int) -> bool:
+def _may_have_priority(priority: int) -> bool:
     """Whether a thread of this process may have a priority of SCHED_FIFO."""
 
     def rise() -> None:

@@ -14,15 +14,15 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter
 
 from steer_env.experiments.pages.pages import Page
-from steer_env.experiments.pages.style import DASHES, PALETTE, legend, new_figure, styled
+from steer_env.experiments.pages.style import DASHES, PALETTE, as_svg, legend, new_figure
 from steer_env.experiments.studies.common.device_latency import Latency
 from steer_env.experiments.studies.common.real_time_loop import Results, Row, together
 from steer_env.live.real_time.measure import Durations, Measured
 from steer_env.recording.driven import MANY_MISSED
 
 
-@styled
-def exceeded(panels: Mapping[str, Mapping[str, Durations]]) -> Figure:
+@as_svg
+def exceedance(panels: Mapping[str, Mapping[str, Durations]]) -> Figure:
     """Share of durations that exceed a length, over that length, both logarithmic; a panel for each title.
 
     Parameters
@@ -105,7 +105,7 @@ def _cells(durations: Durations) -> list[str]:
     return [*(_us(durations.percentile(p)) for p in PERCENTILES), _us(durations.worst)]
 
 
-def _judged(kept: bool) -> str:
+def _judge(kept: bool) -> str:
     return "met" if kept else "missed"
 
 
@@ -121,7 +121,7 @@ def tables(results: Results) -> list[Table]:
     late = [[row.chassis, row.law, *_cells(row.found.lateness), str(row.found.counts["missed"])] for row in rows]
     late += [["all", "all", *_cells(together(rows, lambda f: f.lateness)), ""]]
     late += [["bare loop", "", *_cells(together(rows, lambda f: f.bare)), ""]]
-    work = [[row.chassis, row.law, *_cells(row.found.work), _clipped(row.found)] for row in rows]
+    work = [[row.chassis, row.law, *_cells(row.found.work), _clip(row.found)] for row in rows]
     return [
         Table("Lateness at the deadlines [µs]", ("chassis", "law", *HEAD, "missed"), late),
         Table("Time of a sample [µs]", ("chassis", "law", *HEAD, "clipped"), work),
@@ -130,7 +130,7 @@ def tables(results: Results) -> list[Table]:
     ]
 
 
-def _clipped(found: Measured) -> str:
+def _clip(found: Measured) -> str:
     return f"{found.counts['clipped'] / found.counts['ticks']:.1%}"
 
 
@@ -177,7 +177,7 @@ def verdict(results: Results) -> list[str]:
         rests = f", which rests on the {round(number * (1.0 - percent / 100.0))} latest of {number} samples"
         sentences.append(
             f"Lateness at {where}{rests if percent > 99.0 else ''}: {ratio:.2f} times that of a bare loop; mark "
-            f"{FACTOR:g}: {_judged(ratio <= FACTOR)}."
+            f"{FACTOR:g}: {_judge(ratio <= FACTOR)}."
         )
     costs = {row.law: row.found.work.percentile(99.0) for row in rows if row.chassis == WORK_CHASSIS}
     if not costs:
@@ -188,7 +188,7 @@ def verdict(results: Results) -> list[str]:
         f"by {', '.join(beyond)}" if beyond else f"by every law, {longest} takes longest with {_us(costs[longest])} µs"
     )
     sentences.append(
-        f"Time of a sample in 99 % with the car on two tracks; mark {1e6 * WORK:g} µs: {_judged(not beyond)} {found}."
+        f"Time of a sample in 99 % with the car on two tracks; mark {1e6 * WORK:g} µs: {_judge(not beyond)} {found}."
     )
     return sentences
 
@@ -200,33 +200,33 @@ def marks(results: Results) -> list[tuple[str, str, str, str]]:
             "lateness over a bare loop's, " + ("median" if percent == 50.0 else f"{percent:g} %"),
             f"{ratio:.2f}",
             f"{FACTOR:g}",
-            _judged(ratio <= FACTOR),
+            _judge(ratio <= FACTOR),
         )
         for percent, ratio in ratios(results.rows).items()
     ]
     costs = [row.found.work.percentile(99.0) for row in results.rows if row.chassis == WORK_CHASSIS]
     if costs:
         what = "time of a sample, two tracks, 99 % [µs]"
-        found.append((what, _us(max(costs)), f"{1e6 * WORK:g}", _judged(max(costs) <= WORK)))
+        found.append((what, _us(max(costs)), f"{1e6 * WORK:g}", _judge(max(costs) <= WORK)))
     return found
 
 
 def drivable(results: Results, priority: int) -> tuple[str, str]:
     """Whether a person can drive on this machine, and what to do where not, in a sentence each."""
     counts = [row.found.counts for row in results.rows]
-    share, most = _missed(counts), f"{MANY_MISSED:.0%} at most"
+    share, most = _missed_share(counts), f"{MANY_MISSED:.0%} at most"
     run = f"with the priority {priority}" if priority else "without a priority"
     if share <= MANY_MISSED:
         return f"A person can drive here {run}: {share:.2%} of the deadlines were missed, {most} are wanted.", ""
     sentence = f"A person cannot drive here {run}: {share:.1%} of the deadlines were missed, {most} are wanted."
     preferred = results.conditions.get("SCHED_FIFO")
-    if not priority and isinstance(preferred, Measured) and (other := _missed([preferred.counts])) <= MANY_MISSED:
+    if not priority and isinstance(preferred, Measured) and (other := _missed_share([preferred.counts])) <= MANY_MISSED:
         return sentence, f"Give --priority, with which {other:.2%} were missed."
     remedy = "end other programs" if priority else "end other programs, or allow SCHED_FIFO and give --priority"
     return sentence, f"To drive, {remedy} (docs/real_time.md)."
 
 
-def _missed(counts: Sequence[Mapping[str, int]]) -> float:
+def _missed_share(counts: Sequence[Mapping[str, int]]) -> float:
     """Share of the deadlines that were missed [1]."""
     missed = sum(each["missed"] for each in counts)
     return missed / (missed + sum(each["ticks"] for each in counts))
@@ -241,7 +241,9 @@ def page(results: Results, seconds: float, priority: int, locked: bool) -> Page:
     trips = sum(row.found.counts[name] for row in rows for name in ("deadline_trips", "stale_trips"))
     samples = _number(together(rows, lambda f: f.lateness))
     kinds = dict.fromkeys(row.chassis for row in rows)
-    picture = exceeded({kind.replace("_", " "): _lines([row for row in rows if row.chassis == kind]) for kind in kinds})
+    picture = exceedance(
+        {kind.replace("_", " "): _lines([row for row in rows if row.chassis == kind]) for kind in kinds}
+    )
     sections = [
         Section(
             "Deadlines",
@@ -267,7 +269,7 @@ def page(results: Results, seconds: float, priority: int, locked: bool) -> Page:
             "garbage is one of these, and does not stop the loop, which holds no lock of Python.",
             f"{rows[-1].law} on the chassis {rows[-1].chassis}, under each condition for an equal time, one after "
             "another in rounds; the bare loop runs beside each. Garbage is made and collected all the time.",
-            _told(results),
+            _condition_sentence(results),
             f"{machine()}. {_ANOTHER} The thread that collects takes a processor, which the bare loop feels alike."
             + (" The memory is locked under every condition, as --lock-memory asks for." if locked else ""),
             under,
@@ -292,7 +294,7 @@ def page(results: Results, seconds: float, priority: int, locked: bool) -> Page:
         "sections": sections,
         "drivable": sentence,
         "remedy": remedy,
-        "first": exceeded({"on this machine": _lines(rows)}),
+        "first": exceedance({"on this machine": _lines(rows)}),
         "marks": marks(results),
     }
     return Page(NAME, values)
@@ -307,7 +309,7 @@ def _lines(rows: Sequence[Row]) -> dict[str, Durations]:
     }
 
 
-def _told(results: Results) -> str:
+def _condition_sentence(results: Results) -> str:
     """What the conditions found, in a sentence."""
     parts = [
         f"{name} {'not allowed' if isinstance(found, str) else _us(found.lateness.percentile(99.0)) + ' µs'}"

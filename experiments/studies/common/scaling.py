@@ -13,7 +13,7 @@ from steer_env.friction.sites import Sites
 _POWERS = {"N": (1, 0), "m": (0, 0), "rad": (0, 1), "s": (0, 0), "1": (0, 0)}  # word -> powers of torque, displacement
 
 
-def scaled(p: Any, torque: float, displacement: float) -> Any:
+def scale_record(p: Any, torque: float, displacement: float) -> Any:
     """The same law with every torque and every displacement multiplied, at the same times.
 
     Parameters
@@ -33,7 +33,7 @@ def scaled(p: Any, torque: float, displacement: float) -> Any:
             Sites(
                 *(
                     site._replace(
-                        law=scaled(site.law, torque, displacement),
+                        law=scale_record(site.law, torque, displacement),
                         driving=site.driving / torque,
                         driven=site.driven / torque,
                     )
@@ -54,7 +54,7 @@ def scaled(p: Any, torque: float, displacement: float) -> Any:
 def check(laws: Iterable[Any]) -> None:
     """ValueError for the first of some laws that cannot be scaled: to be asked before hours of work that scale it."""
     for p in laws:
-        scaled(p, 1.0, 1.0)
+        scale_record(p, 1.0, 1.0)
 
 
 def powers(unit: str) -> tuple[int, int]:

@@ -5,7 +5,7 @@ tolerances of both channels of a cross plot make a box; swept along the measured
 simulated curve has to lie. No conformance is claimed.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -95,7 +95,7 @@ def compare(
     evaluation = metrics.evaluation_of(reference, test)
     first, second = (curves(recording, evaluation, **given) for recording in (reference, other))
     if "time" in first:
-        second = _aligned(first, second)
+        second = _align(first, second)
         first = _between(first, second["time"][0], second["time"][-1])
     pairs = [
         _pair(x, y, first, second, allowed)
@@ -108,7 +108,7 @@ def compare(
     return pairs
 
 
-def passes(pairs: list[Pair]) -> bool:
+def passes(pairs: Sequence[Pair]) -> bool:
     """Whether the curves agree: all but single points of every cross plot are within its tolerances."""
     return all(pair.inside >= ENOUGH for pair in pairs)
 
@@ -146,7 +146,7 @@ def zero_notes(recording: Recording, evaluation: ManoeuvreEvaluation) -> list[st
     return straight.notes(recording) if any("time" in pair for pair in evaluation.plots) else []
 
 
-def _aligned(first: Curves, second: Curves) -> Curves:
+def _align(first: Curves, second: Curves) -> Curves:
     """The second curves, shifted in time so that the handwheel speeds agree best, over the time that both cover."""
     if ANGLE not in first or ANGLE not in second:
         return second

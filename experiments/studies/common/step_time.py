@@ -319,7 +319,7 @@ def _memory(case: Case) -> float:
     kept = [made(1)]  # with what all of them share
     gc.collect()
     # Small pieces take memory that was freed before, so that the process does not grow by them.
-    with _traced() if single else nullcontext(_resident) as used:
+    with _allocated_bytes() if single else nullcontext(_resident) as used:
         before = used()
         kept += [made(case.rows) for _ in range(count)]
         grown = (used() - before) / (count * case.rows)
@@ -329,7 +329,7 @@ def _memory(case: Case) -> float:
 
 
 @contextmanager
-def _traced() -> Iterator[Callable[[], int]]:
+def _allocated_bytes() -> Iterator[Callable[[], int]]:
     """What Python and numpy have allocated since, and hold [bytes]."""
     tracemalloc.start()
     try:
@@ -463,7 +463,7 @@ def plants(n: int = 2000) -> dict[str, Run]:
             whole, state, u = _weave(chassis, given, n)
             row = np.zeros((1, len(plant.channels(whole))))
             loops[name] = partial(plant.run, whole, state, u, row, 1)
-    return {name: partial(_timed, loop, n) for name, loop in loops.items()}
+    return {name: partial(_time, loop, n) for name, loop in loops.items()}
 
 
 def parts(n: int = 2000) -> dict[str, Run]:
@@ -472,7 +472,7 @@ def parts(n: int = 2000) -> dict[str, Run]:
     for chassis in cars.SPEEDS:
         for name, (loop, often) in PARTS.items():
             whole, state, u = _weave(chassis, None, n)
-            found[f"{chassis}, {name}"] = partial(_timed, partial(loop, whole, state, u), n / often)
+            found[f"{chassis}, {name}"] = partial(_time, partial(loop, whole, state, u), n / often)
     return found
 
 
@@ -504,11 +504,11 @@ def right_hand_sides() -> dict[str, Run]:
             for _ in range(n):
                 f(x, u, p)
 
-        found[f"CommonRoad, {name}"] = partial(_timed, loop, n)
+        found[f"CommonRoad, {name}"] = partial(_time, loop, n)
     return found
 
 
-def _timed(loop: Callable[[], Any], n: float) -> float:
+def _time(loop: Callable[[], Any], n: float) -> float:
     start = time.perf_counter()
     loop()
     return (time.perf_counter() - start) / n

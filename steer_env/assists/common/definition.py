@@ -114,7 +114,7 @@ def available() -> tuple[str, ...]:
 
 
 @cache
-def _kept() -> dict[str, dict[str, Any]]:
+def _search_results() -> dict[str, dict[str, Any]]:
     """What was found, by id and baseline."""
     found: dict[str, dict[str, Any]] = json.loads(TUNED.read_text(encoding="utf-8"))
     return found
@@ -146,6 +146,6 @@ def make(name: str, env: Any, tuned: bool = True, **options: Any) -> Baseline:
         if key not in valid:
             raise ValueError(f"baseline assist {name!r} has no option {key!r}; it takes: {', '.join(valid) or 'none'}")
     batch = getattr(env.unwrapped, "batch", None)
-    found = _kept().get(id_of(batch.task.name), {}) if tuned and batch is not None else {}
+    found = _search_results().get(id_of(batch.task.name), {}) if tuned and batch is not None else {}
     best = found[name]["options"] if name in found else {}
     return BASELINES[name](env, **{**best, **options})

@@ -110,7 +110,7 @@ def slopes(car: Car, speed: float) -> list[float]:
     return sorted({round(boost_gain(car.assist, torque, speed), 6) for torque in 0.5 * (edges[1:] + edges[:-1])})
 
 
-def sampled(car: Car, gain: float, speed: float, dt: float) -> "control.StateSpace":
+def discretise(car: Car, gain: float, speed: float, dt: float) -> "control.StateSpace":
     """The assisted plant sampled at control steps of ``dt`` [s] with inputs that are constant over a step: exact.
 
     Inputs and outputs are those of :func:`steer_env.vehicle.steering.linear.plant`, whose boost is closed at a slope

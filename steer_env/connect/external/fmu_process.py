@@ -191,16 +191,16 @@ class Instance:
         self._alive, self._running = False, False
         self._slave: Any = None
         kind = Slave2 if library.version == "2" else Slave3
-        self._slave = self._asked("to load", partial(kind, library))
+        self._slave = self._call("to load", partial(kind, library))
 
     def start(self) -> None:
         """Make a new instance, which starts at time zero, and read its outputs."""
         self.close()
-        self._asked("to be instantiated", self._slave.instantiate)
+        self._call("to be instantiated", self._slave.instantiate)
         self._alive = True
         if self.parameters.size:
-            self._asked("a start value", partial(self._slave.set, self.parameters))
-        self._asked("to start", self._slave.begin)
+            self._call("a start value", partial(self._slave.set, self.parameters))
+        self._call("to start", self._slave.begin)
         self._running = True
         self._read()
 
@@ -219,13 +219,13 @@ class Instance:
         if self._alive:
             running, self._alive, self._running = self._running, False, False
             if running:  # a unit that has failed may only be freed
-                self._asked("to terminate", self._slave.terminate)
+                self._call("to terminate", self._slave.terminate)
             self._slave.end()
 
     def _read(self) -> None:
-        self._asked("its outputs", partial(self._slave.get, self.outputs))
+        self._call("its outputs", partial(self._slave.get, self.outputs))
 
-    def _asked(self, what: str, call: Callable[[], Any]) -> Any:
+    def _call(self, what: str, call: Callable[[], Any]) -> Any:
         """Result of a call of the FMU."""
         try:
             return call()
@@ -364,7 +364,7 @@ def _send(pipe: int, contents: bytes) -> None:
         message = message[os.write(pipe, message) :]
 
 
-def _received() -> bytes:
+def _receive() -> bytes:
     """The next request, at standard input; empty where that was closed."""
     length = sys.stdin.buffer.read(_LENGTH)
     return sys.stdin.buffer.read(int.from_bytes(length, "little"))
@@ -373,7 +373,7 @@ def _received() -> bytes:
 def _serve(answers: int) -> None:
     """Answer requests until the last one, or until standard input is closed."""
     instance: Any = None
-    while request := _received():
+    while request := _receive():
         kind, numbers = request[:1], request[1:]
         try:
             if kind == _LOAD:

@@ -91,7 +91,7 @@ class FmuVehicle:
                 inputs,
                 outputs,
             )
-            self._fmu = self._asked(lambda: self._loaded(library, own_process))
+            self._fmu = self._call(lambda: self._loaded(library, own_process))
         except BaseException:
             self._folder.remove()
             raise
@@ -121,7 +121,7 @@ class FmuVehicle:
         """
         self._time = 0
         self._fixed[len(self.mapping.parameters) :] = speed / self._speed_size
-        self._asked(self._fmu.start)
+        self._call(self._fmu.start)
         return self._given()
 
     def step(self, taken: Array, samples: int) -> Array:
@@ -133,7 +133,7 @@ class FmuVehicle:
             The unit refuses, has a fault, or gives a number that is not finite.
         """
         np.divide(taken, self._input_size, out=self._inputs)
-        self._asked(partial(self._fmu.step, self._time * SAMPLE_TIME, samples * SAMPLE_TIME))
+        self._call(partial(self._fmu.step, self._time * SAMPLE_TIME, samples * SAMPLE_TIME))
         self._time += samples
         return self._given()
 
@@ -146,7 +146,7 @@ class FmuVehicle:
             The unit refuses, or has a fault.
         """
         try:
-            self._asked(self._fmu.close)
+            self._call(self._fmu.close)
         finally:
             self._folder.remove()
 
@@ -158,7 +158,7 @@ class FmuVehicle:
             raise CouplingError(f"{self.name} gave {variable} = {found[self.gives.index(bad)]} at {self._now()}")
         return found if self.mapping.speed is None else np.append(found, self.mapping.speed)
 
-    def _asked(self, call: Callable[[], Any]) -> Any:
+    def _call(self, call: Callable[[], Any]) -> Any:
         """Result of a call of the unit."""
         try:
             return call()
@@ -186,13 +186,13 @@ class _LockedFolder:
             return
         for left in Path(tempfile.gettempdir()).glob(f"{FOLDER}*"):
             with suppress(OSError):  # it is in use, or somebody else's
-                lock = _locked(left, wait=False)
+                lock = _lock(left, wait=False)
                 shutil.rmtree(left, ignore_errors=True)
                 os.close(lock)
         while True:
             self._make()
             with suppress(FileNotFoundError):
-                self.lock = _locked(self.path)
+                self.lock = _lock(self.path)
                 if self.path.exists():  # otherwise another process has removed it before it was locked
                     return
 
@@ -208,7 +208,7 @@ class _LockedFolder:
             self.lock = None
 
 
-def _locked(folder: Path, wait: bool = True) -> int:
+def _lock(folder: Path, wait: bool = True) -> int:
     """Descriptor of a folder that this process has locked; BlockingIOError where another one has."""
     import fcntl  # which Windows does not have
 
@@ -273,7 +273,7 @@ def _description(path: Path) -> Any:
             f"{path}: a unit is loaded by the package fmpy, which is not installed: {install('fmu')}"
         ) from None
     try:
-        with archives.opened(path, "FMU") as archive:
+        with archives.open_archive(path, "FMU") as archive:
             files = _checked_names(archive)
             if DESCRIPTION not in files:
                 raise ValueError(f"is no FMU: it holds no {DESCRIPTION}")
@@ -294,7 +294,7 @@ def _description(path: Path) -> Any:
 
 def _unpack(path: Path, folder: Path) -> None:
     """Unpack a unit that :func:`_description` has checked."""
-    with archives.opened(path, "FMU") as archive:
+    with archives.open_archive(path, "FMU") as archive:
         _checked_names(archive)
         archive.extractall(folder)
 

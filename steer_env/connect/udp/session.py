@@ -139,7 +139,7 @@ def link_of(
     numbers = np.zeros(0) if numbers is None else numbers
     received = np.zeros(LARGEST // 8)
     sent, refused = np.zeros(layout.answer_size // 8), np.zeros(HEADER_SIZE // 8)
-    (request, given), (answer, shown), (refusal, _) = (_divided(packet) for packet in (received, sent, refused))
+    (request, given), (answer, shown), (refusal, _) = (_split_packet(packet) for packet in (received, sent, refused))
     return Link(
         layout=layout.fingerprint,
         mode=MODES[mode],
@@ -162,7 +162,7 @@ def link_of(
     )
 
 
-def _divided(packet: NDArray[np.float64]) -> tuple[Any, NDArray[np.float64]]:
+def _split_packet(packet: NDArray[np.float64]) -> tuple[Any, NDArray[np.float64]]:
     """Header and values of a packet, as views."""
     end = HEADER_SIZE // 8
     return packet[:end].view(HEADER).view(np.recarray), packet[end:]

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from steer_env.episode.timing import UPDATE_INTERVAL
 from steer_env.friction.numerics.bounds import within
-from steer_env.friction.numerics.check import constructed, not_negative, number, positive
+from steer_env.friction.numerics.check import construct, not_negative, number, positive
 from steer_env.friction.numerics.kernel import dispatch, kernel
 from steer_env.friction.numerics.registry import Registry
 from steer_env.vehicle.cars import Car
@@ -195,12 +195,12 @@ def resolve(driver: Any) -> Driver:
             f" from drivers.make, got {driver!r}"
         )
     name, hands, informed = given.pop("driver"), given.pop("arm", None), given.pop("informed", False)
-    made = constructed(f"driver {name!r}", DRIVERS[name], given)._replace(informed=_truth("informed", informed))
+    made = construct(f"driver {name!r}", DRIVERS[name], given)._replace(informed=_truth("informed", informed))
     if hands is None:
         return made
     if not isinstance(hands, Mapping):
         raise ValueError(f"arm must map {', '.join(Arm._fields)} to numbers, got {hands!r}")
-    values = constructed("arm", Arm, hands)._asdict()
+    values = construct("arm", Arm, hands)._asdict()
     return made._replace(arm=Arm(*(not_negative(f"arm.{key}", value) for key, value in values.items())))
 
 

@@ -110,7 +110,7 @@ class _Preview:
         self._pose = [at[name] for name in ("x", "y", "yaw_angle")]
         self._motion = [at[name] for name in ("lateral_speed", "yaw_rate")]
         self._speed = at.get("longitudinal_speed")
-        self._held, self._path, self._g, self._arms = plant.held_speed(p), path, g, arms
+        self._held, self._path, self._g, self._arms = plant.initial_speed(p), path, g, arms
         # In the car's frame its own y and psi are zero.
         self._on_motion, self._on_memory = K[:2], K[4:]
         self._memory = np.zeros(K.size - 4)
@@ -155,5 +155,5 @@ def preview(
     ValueError
         As :func:`gains`.
     """
-    model = linear.from_car(car, plant.held_speed(p))
+    model = linear.from_car(car, plant.initial_speed(p))
     return _Preview(p, path, *gains(model, preview_time, delay, effort))

@@ -68,7 +68,7 @@ class Evdev(ForceWheel):
                 f"wheels by evdev need Linux and the package evdev: {install('drive')}; elsewhere take device sdl"
             ) from None
         self._evdev, self._codes = evdev, evdev.ecodes
-        self._wheel = self._found()
+        self._wheel = self._find_device()
         self.about = f"the wheel {self._wheel.name!r} at {self._wheel.path}"
         try:
             self._prepare()
@@ -88,7 +88,7 @@ class Evdev(ForceWheel):
         if self.motor:
             self._start(abilities.get(self._codes.EV_FF, []))
 
-    def _found(self) -> Any:
+    def _find_device(self) -> Any:
         """The device that a person asked for."""
         paths = self._evdev.list_devices()
         if self._wanted.startswith("/"):

@@ -14,7 +14,7 @@ from steer_env.friction.numerics.extras import install
 from steer_env.live.devices.common.commands import BUTTONS
 from steer_env.live.devices.common.device import Clock, DeviceError, Reading, pedal, register, wheel_angle
 from steer_env.live.devices.common.force_wheel import ForceWheel
-from steer_env.live.devices.common.window_input import NO_AXIS, chosen
+from steer_env.live.devices.common.window_input import NO_AXIS, choose_named
 
 _END = 32767  # of an axis
 
@@ -62,7 +62,7 @@ class Sdl(ForceWheel):
         super()._open()
         self._sdl = _sdl_or_error()
         if self._sdl.SDL_InitSubSystem(_systems(self._sdl)) != 0:
-            raise DeviceError(f"SDL cannot look for wheels ({self._told()}): take another device")
+            raise DeviceError(f"SDL cannot look for wheels ({self._last_error()}): take another device")
         try:
             self._find()
             if self.motor:
@@ -71,7 +71,7 @@ class Sdl(ForceWheel):
             self._sdl.SDL_QuitSubSystem(_systems(self._sdl))
             raise
 
-    def _told(self) -> str:
+    def _last_error(self) -> str:
         """What SDL told last."""
         return str(self._sdl.SDL_GetError().decode(errors="replace")) or "it told no reason"
 
@@ -79,11 +79,11 @@ class Sdl(ForceWheel):
         sdl = self._sdl
         sdl.SDL_JoystickUpdate()
         names = [(sdl.SDL_JoystickNameForIndex(i) or b"without a name").decode() for i in range(sdl.SDL_NumJoysticks())]
-        index = chosen(list(range(len(names))), names, self._wanted, "wheel")
+        index = choose_named(list(range(len(names))), names, self._wanted, "wheel")
         self.about = f"the wheel {names[index]!r}"
         self._joystick = sdl.SDL_JoystickOpen(index)
         if not self._joystick:
-            raise DeviceError(f"{self.about} cannot be opened ({self._told()}): plug it in again")
+            raise DeviceError(f"{self.about} cannot be opened ({self._last_error()}): plug it in again")
         count = sdl.SDL_JoystickNumAxes(self._joystick)
         for option, axis in self._axes.items():
             if axis >= count or (axis == NO_AXIS and option == "steering_axis"):
@@ -100,8 +100,8 @@ class Sdl(ForceWheel):
         abilities = sdl.SDL_HapticQuery(self._haptic) if self._haptic else 0
         if not abilities & sdl.SDL_HAPTIC_CONSTANT:
             raise DeviceError(
-                f"{self.about} refuses a constant force, it has none ({self._told()}): choose another device, or drive "
-                "without by force=false"
+                f"{self.about} refuses a constant force, it has none ({self._last_error()}): choose another device, or "
+                "drive without by force=false"
             )
         if abilities & sdl.SDL_HAPTIC_AUTOCENTER:
             sdl.SDL_HapticSetAutocenter(self._haptic, 0)
@@ -118,7 +118,8 @@ class Sdl(ForceWheel):
 
     def _refused(self) -> DeviceError:
         return DeviceError(
-            f"{self.about} refuses the torque ({self._told()}): check its supply, and end other programs that use it"
+            f"{self.about} refuses the torque ({self._last_error()}): check its supply, and end other programs "
+            "that use it"
         )
 
     def _axis(self, option: str) -> float:

@@ -72,7 +72,7 @@ class Pedals:
         }
 
 
-def arranged(names: Sequence[str], values: dict[str, float]) -> list[float]:
+def in_order(names: Sequence[str], values: dict[str, float]) -> list[float]:
     """Inputs in the order of their names; those that are not given are zero, those that the car lacks are left out."""
     return [values.get(name, 0.0) for name in names]
 

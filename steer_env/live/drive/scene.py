@@ -35,14 +35,14 @@ class Scene:
 
     def __init__(self, name: str, car: Car) -> None:
         one_of("course", name, COURSES)
-        self.name, self.size = name, iso3888.outline(car)
+        self.name, self.size = name, iso3888.footprint(car)
         course = None if name == PLAIN else iso3888.course(name, self.size.width)
         self._places = np.zeros((0, 2)) if course is None else np.concatenate([course.left, course.right])
         self._period = GAP if course is None else course.length + GAP
         self._shown, self._touched = -1, np.zeros(len(self._places), bool)
         self._x = 0.0  # of the last pose [m]
 
-    def passed(self, poses: Iterable[tuple[float, float, float]]) -> None:
+    def touch_cones(self, poses: Iterable[tuple[float, float, float]]) -> None:
         """Note which cones a car touched on its way through poses of x, y [m] and yaw angle [rad]."""
         if not len(self._places):
             return

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.live.devices import Device, DeviceError, Reading
-from steer_env.live.drive.hands import Arms, Pedals, arranged
+from steer_env.live.drive.hands import Arms, Pedals, in_order
 from steer_env.live.drive.log import Log, columns_of, new_file
 from steer_env.live.drive.shown import ConfigurationInfo, History, Shown
 from steer_env.live.real_time import CarConfiguration, CarConfigurations, Limits, Mailboxes, RealTime
@@ -318,7 +318,7 @@ class Session:
             values["hand_angle"] = reading.angle  # of which the mailbox makes the speed
         else:
             values["hand_torque"] = self._hands.torque(reading.angle, reading.stamp)
-        return arranged(self._names, values)
+        return in_order(self._names, values)
 
     def _write(self) -> None:
         """Take what the loop has recorded to the file."""

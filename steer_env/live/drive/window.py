@@ -13,8 +13,8 @@ import numpy as np
 from steer_env.live.drive.scene import LANE, LANES, Scene
 from steer_env.live.drive.shown import ConfigurationInfo, Shown
 from steer_env.rendering import panels
-from steer_env.rendering.canvas import Box, Canvas, Colour, mixed
-from steer_env.rendering.panels import COLOURS, HAND, INK, MOTOR, MUTED, PANEL, PAPER, RULE, WANTED, signed
+from steer_env.rendering.canvas import Box, Canvas, Colour, mix
+from steer_env.rendering.panels import COLOURS, HAND, INK, MOTOR, MUTED, PANEL, PAPER, RULE, WANTED, with_sign
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.plant import CHANNEL
 
@@ -133,7 +133,7 @@ class Window:
         history = shown.history
         road.trace(history.pose[:, :2])
         new = round(min(max(shown.time - self._seen, 0.0), 1.0) / 0.01)
-        self._scene.passed(map(tuple, history.pose[-new:].tolist() if new else ()))
+        self._scene.touch_cones(map(tuple, history.pose[-new:].tolist() if new else ()))
         self._seen = shown.time
         if (cones := self._scene.cones()) is not None:
             road.cones(cones)
@@ -157,14 +157,14 @@ class Window:
             for value, full, colour in zip((hand, motor), self.full_scales(), (HAND, MOTOR))
         ]
         rows = [
-            panels.Row("handwheel angle", f"{signed(math.degrees(angle), 1)} deg"),
-            panels.Row("torsion-bar torque", f"{signed(hand, 2)} N m", HAND, f"full arc {arcs[0].full:g} N m"),
-            panels.Row("assist torque", f"{signed(motor, 2)} N m", MOTOR, f"full arc {arcs[1].full:g} N m"),
-            panels.Row("lateral acceleration", f"{signed(now[CHANNEL['lateral_acceleration']], 2)} m/s²"),
+            panels.Row("handwheel angle", f"{with_sign(math.degrees(angle), 1)} deg"),
+            panels.Row("torsion-bar torque", f"{with_sign(hand, 2)} N m", HAND, f"full arc {arcs[0].full:g} N m"),
+            panels.Row("assist torque", f"{with_sign(motor, 2)} N m", MOTOR, f"full arc {arcs[1].full:g} N m"),
+            panels.Row("lateral acceleration", f"{with_sign(now[CHANNEL['lateral_acceleration']], 2)} m/s²"),
         ]
         wanted = None if math.isnan(shown.wanted) else shown.wanted
         if wanted is not None:
-            rows.insert(1, panels.Row("wanted angle", f"{signed(math.degrees(wanted), 1)} deg", WANTED))
+            rows.insert(1, panels.Row("wanted angle", f"{with_sign(math.degrees(wanted), 1)} deg", WANTED))
         panels.dial(self.canvas, DIAL, float(angle), arcs, rows, wanted)
 
     def full_scales(self) -> list[float]:
@@ -199,7 +199,7 @@ class Window:
         state = shown.waits or f"{shown.gain:.0%}"
         canvas.text(state if shown.motor else "", (right, top + 28), INK if shown.waits else MUTED, 14, align=1.0)
         motor: list[tuple[str, str, Colour]] = [
-            ("torque at the wheel", f"{signed(shown.torque, 2)} N m", INK),
+            ("torque at the wheel", f"{with_sign(shown.torque, 2)} N m", INK),
             ("limited", f"{100.0 * shown.clipped:.1f} % of the time", BAD if shown.clipped > 0.01 else INK),
         ]
         rows: list[tuple[str, str, Colour]] = [
@@ -226,7 +226,7 @@ class Window:
         canvas, (left, top, width, height) = self.canvas, box
         colour, acts = COLOURS[number % len(COLOURS)], number == shown.chosen
         corners = [(left, top), (left + width, top), (left + width, top + height), (left, top + height)]
-        canvas.polygon(corners, mixed(PANEL, colour, 0.14 if acts else 0.04))
+        canvas.polygon(corners, mix(PANEL, colour, 0.14 if acts else 0.04))
         if acts:
             canvas.polygon([(left, top), (left + 5, top), (left + 5, top + height), (left, top + height)], colour)
         middle = top + 0.5 * height

@@ -17,7 +17,7 @@ from steer_env.live.real_time import safety
 from steer_env.live.real_time.configurations import CarConfigurations
 from steer_env.live.real_time.model import implausible, jumps, model_of, step, subsystem_of, take_inputs
 from steer_env.live.real_time.recorder import NO_RING, Recorder, Ring, keep
-from steer_env.live.real_time.safety import FADING, SAFETY, TRIPS, Limits, checked, cut, limited, supervise
+from steer_env.live.real_time.safety import FADING, SAFETY, TRIPS, Limits, checked, end_torque, limit_torque, supervise
 from steer_env.live.real_time.system import Worker, clock, sleep_until
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 from steer_env.vehicle.subsystems import Subsystem
@@ -106,11 +106,11 @@ def tick(model, loop, device, now, missed):
         take_inputs(model, s.input_gain, age <= loop.limits.hold)
         sound = step(model, 1)
     if not sound:
-        cut(s)
+        end_torque(s)
     elif model.torque >= 0:
         # The torsion bar pulls at the handwheel with the opposite of what it gives to the column.
         bar, speed = model.outputs[0, model.torque], model.outputs[0, model.speed]
-        torque = limited(loop.limits, s, -loop.limits.share * bar, speed)
+        torque = limit_torque(loop.limits, s, -loop.limits.share * bar, speed)
     if not write(device, model, s, torque, now):
         s.failed = 1
     keep(loop.ring, model, s, now, missed, age, torque)

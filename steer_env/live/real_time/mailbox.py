@@ -48,7 +48,7 @@ class Mailbox(NamedTuple):
 
 
 @kernel
-def _read(device, model, now):
+def _read_mailbox(device, model, now):
     count = device.count_in[0]
     fence()
     if count % 2 == 0 and count > 0:
@@ -80,7 +80,7 @@ def _write(device, model, s, torque, now):
     return device.failed[0] == 0
 
 
-register(Mailbox, _read, _write)
+register(Mailbox, _read_mailbox, _write)
 
 
 class Mailboxes:

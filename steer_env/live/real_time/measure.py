@@ -45,7 +45,7 @@ class Sine(NamedTuple):
 
 
 @kernel
-def _read(device, model, now):
+def _read_sine(device, model, now):
     omega = 2.0 * math.pi * FREQUENCY
     phase = omega * 1e-9 * now
     model.wanted[device.angle] = AMPLITUDE * math.sin(phase)
@@ -58,11 +58,11 @@ def _write(device, model, s, torque, now):
     return True
 
 
-register(Sine, _read, _write)
+register(Sine, _read_sine, _write)
 
 
 @kernel
-def _beside_bare(model, loop, device, lateness, worst):
+def _loop_and_bare_loop(model, loop, device, lateness, worst):
     """Run the loop, and in the middle between its deadlines a bare one that only notes its lateness."""
     deadline = clock(loop.time) + PERIOD
     bare = deadline - PERIOD // 2
@@ -126,7 +126,7 @@ def measure(source: Subsystem | CarConfigurations, seconds: float, priority: int
     loop: Loop = loop_of(Limits(), round(1e9 * seconds / PERIOD))
     device = Sine(names.index("hand_angle"), names.index("hand_speed"))
     lateness, worst = np.zeros(BINS, np.int64), np.zeros(1, np.int64)
-    with Worker(_beside_bare, (model_of(source), loop, device, lateness, worst), loop.stop, priority) as worker:
+    with Worker(_loop_and_bare_loop, (model_of(source), loop, device, lateness, worst), loop.stop, priority) as worker:
         worker.wait()
     return Measured(
         Durations(loop.lateness, 1e-9 * LATENESS_BIN, 1e-9 * float(loop.worst[0])),

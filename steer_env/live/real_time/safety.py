@@ -93,7 +93,7 @@ def begin(s):
 
 
 @kernel
-def cut(s):
+def end_torque(s):
     """End the torque at once, until a new session begins."""
     s.failure_trips += s.phase == STARTING or s.phase == ON
     s.phase, s.gain, s.limited, s.failed = FAILED, 0.0, 0.0, 1
@@ -148,13 +148,13 @@ def supervise(limits, s, elapsed, age, missed, released):
 
 
 @kernel
-def limited(limits, s, torque, speed):
+def limit_torque(limits, s, torque, speed):
     """The torque of the motor [N m] in a sample: within the limits at a speed of the handwheel [rad/s], times the gain.
 
     The limit of power comes last, so that it holds in every sample: it only reduces, which needs no limit of slew.
     """
     if not abs(torque) < math.inf or not abs(speed) < math.inf:
-        cut(s)
+        end_torque(s)
         return 0.0
     wanted = within(torque, -limits.torque, limits.torque)
     change = limits.slew * SAMPLE_TIME  # however many deadlines were missed: the motor has held its torque meanwhile

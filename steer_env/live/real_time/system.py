@@ -39,7 +39,7 @@ def check() -> None:
 
 
 @_intrinsic
-def _ordered(typing_context):
+def _order(typing_context):
     def generate(context, builder, signature, arguments):
         builder.fence("acq_rel")
         return context.get_dummy_value()
@@ -51,7 +51,7 @@ def _ordered(typing_context):
 def fence():
     """Keep the compiler from moving what is written or read before behind what follows; x86-64 keeps it so itself."""
     if COMPILED:
-        _ordered()
+        _order()
 
 
 @kernel

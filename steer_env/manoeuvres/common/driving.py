@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.courses.iso3888 import outline
+from steer_env.courses.iso3888 import footprint
 from steer_env.friction.numerics.check import positive
 from steer_env.friction.numerics.kernel import bind
 from steer_env.friction.numerics.packing import leaves
@@ -123,14 +123,14 @@ def inputs(manoeuvre: Manoeuvre, amplitude: float, duration: float) -> Array:
     return u
 
 
-class Found(NamedTuple):
+class FoundAmplitude(NamedTuple):
     """An amplitude that reaches a lateral acceleration."""
 
     amplitude: float  # of the handwheel angle [rad]
     growth: float  # of the logarithm of the acceleration with that of the amplitude [1]
 
 
-FAR = Found(0.2, 1.0)  # of a car of which nothing is known but that its response is nearly proportional
+FAR = FoundAmplitude(0.2, 1.0)  # of a car of which nothing is known but that its response is nearly proportional
 
 
 def find_amplitude(p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator = OWN) -> float:
@@ -144,7 +144,9 @@ def find_amplitude(p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator = 
     return search(p, manoeuvre, simulator).amplitude
 
 
-def search(p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator = OWN, near: Found | None = None) -> Found:
+def search(
+    p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator = OWN, near: FoundAmplitude | None = None
+) -> FoundAmplitude:
     """What :func:`find_amplitude` finds, which raises the same.
 
     The response is nearly proportional, so each round removes most of the error. A search that begins ``near`` what was
@@ -163,11 +165,11 @@ def search(p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator = OWN, nea
         if tried:
             growth = min(max((point[0] - tried[0]) / (point[1] - tried[1]), 0.5), 2.0)
         if abs(reached / target - 1.0) < CLOSE:
-            return Found(amplitude, growth)
+            return FoundAmplitude(amplitude, growth)
         tried = point
         amplitude *= (target / reached) ** (1.0 / growth if near else 1.0)
         if near and abs(reached / target - 1.0) < 10.0 * CLOSE:
-            return Found(amplitude, growth)
+            return FoundAmplitude(amplitude, growth)
         if not amplitude < 6.0:
             break
     text = f"{manoeuvre.name}: no handwheel amplitude reaches {target:g} m/s2 at {manoeuvre.speed:g} m/s"
@@ -187,13 +189,13 @@ def _require_stable(p: plant.Plant, manoeuvre: Manoeuvre, speeds: Iterable[float
         raise ValueError(f"{manoeuvre.name}: {reason}")
 
 
-def _reached(p: plant.Plant, speeds: Array) -> Array:
+def _speeds_to_check(p: plant.Plant, speeds: Array) -> Array:
     """The least and the largest of the speeds that a run has reached, and those of the boost table between them."""
     low, high = np.abs(speeds).min(), np.abs(speeds).max()
     return np.array([low, *p.assist.speeds[(p.assist.speeds > low) & (p.assist.speeds < high)], high])
 
 
-def _amplitude(p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator, near: Found | None) -> float:
+def _amplitude(p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator, near: FoundAmplitude | None) -> float:
     if manoeuvre.amplitude is not None:
         return manoeuvre.amplitude
     return p.rack_limit / p.pinion_radius if manoeuvre.lock else search(p, manoeuvre, simulator, near).amplitude
@@ -224,7 +226,7 @@ def run(
             continue
         rows, free = u[start:end], k % 2 == 1
         if k and not free:
-            rows = _regripped(rows, state[column.HANDWHEEL_ANGLE], state[column.HANDWHEEL_SPEED])
+            rows = _regrip(rows, state[column.HANDWHEEL_ANGLE], state[column.HANDWHEEL_SPEED])
         simulator.run(p._replace(robot=0.0) if free else p, state, rows, record[start:end], substeps)
     return record
 
@@ -323,7 +325,7 @@ def sine_response(
     return response
 
 
-def _regripped(u: Array, angle: float, speed: float) -> Array:
+def _regrip(u: Array, angle: float, speed: float) -> Array:
     """Inputs that lead the handwheel smoothly from its angle and speed to those that the robot prescribes."""
     u = u.copy()
     s = np.clip(np.arange(1.0, len(u) + 1.0) * SAMPLE_TIME / REGRIP, 0.0, 1.0)
@@ -334,7 +336,7 @@ def _regripped(u: Array, angle: float, speed: float) -> Array:
 
 
 def drive(
-    car: Car, manoeuvre: Manoeuvre, friction: Any = None, simulator: Simulator = OWN, near: Found | None = None
+    car: Car, manoeuvre: Manoeuvre, friction: Any = None, simulator: Simulator = OWN, near: FoundAmplitude | None = None
 ) -> Recording:
     """Drive a manoeuvre and record every channel at 1 kHz.
 
@@ -375,7 +377,9 @@ class OpenLoop(NamedTuple):
     straight: Array  # (S,) state of straight running
 
 
-def open_loop(p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator = OWN, near: Found | None = None) -> OpenLoop:
+def open_loop(
+    p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator = OWN, near: FoundAmplitude | None = None
+) -> OpenLoop:
     """The inputs of a manoeuvre; ValueError where no amplitude reaches its lateral acceleration."""
     amplitude = _amplitude(p, manoeuvre, simulator, near)
     return OpenLoop(amplitude, inputs(manoeuvre, amplitude, manoeuvre.duration), simulator.settled(p)[0])
@@ -388,7 +392,7 @@ def drive_plant(
     prepared: OpenLoop | None = None,
     substeps: int = 1,
     simulator: Simulator = OWN,
-    near: Found | None = None,
+    near: FoundAmplitude | None = None,
 ) -> Recording:
     """:func:`drive` with a plant from :func:`build_plant`, whose parameters may have been changed.
 
@@ -399,7 +403,7 @@ def drive_plant(
     _require_stable(p, manoeuvre, [manoeuvre.speed])
     if manoeuvre.driver is None:
         prepared = prepared or open_loop(p, manoeuvre, simulator, near)
-    record, steered, advice = _driven(car, p, manoeuvre, prepared, substeps, simulator)
+    record, steered, advice = _simulate(car, p, manoeuvre, prepared, substeps, simulator)
     names = simulator.channels(p)
     channels = {names[i][0]: values for i, values in _by_channel(record).items()}
     time = SAMPLE_TIME * np.arange(1, len(record) + 1)
@@ -407,7 +411,7 @@ def drive_plant(
     held = channels.get("vehicle_speed", np.full(time.size, manoeuvre.speed))
     channels["vehicle_speed"] = channels.get("longitudinal_speed", held)
     if "longitudinal_speed" in channels:
-        _require_stable(p, manoeuvre, _reached(p, channels["longitudinal_speed"]))
+        _require_stable(p, manoeuvre, _speeds_to_check(p, channels["longitudinal_speed"]))
     lateral = channels.get("lateral_speed", np.zeros(1))
     if manoeuvre.speed and np.any(np.abs(lateral) > channels["vehicle_speed"]):
         raise LostControlError(f"{manoeuvre.name}: the car spins; {advice}")
@@ -449,7 +453,7 @@ def _beyond_tyre(car: Car, channels: dict[str, Array]) -> dict[str, list[dict[st
 
 def _by_channel(record: Array) -> dict[int, Array]:
     """Channels (T,) of a record (T, C) by their positions, read-only, so that a recording does not copy them again."""
-    found = {i: np.empty(len(record)) for i in _given(record)}
+    found = {i: np.empty(len(record)) for i in _recorded_channels(record)}
     for start in range(0, len(record), BLOCK):  # which stays in the cache of the processor until all have read it
         rows = record[start : start + BLOCK]
         for i, values in found.items():
@@ -459,13 +463,13 @@ def _by_channel(record: Array) -> dict[int, Array]:
     return found
 
 
-def _given(record: Array) -> list[int]:
+def _recorded_channels(record: Array) -> list[int]:
     """Positions of the channels that a record (T, C) holds: those that a simulator does not give are NaN."""
     first = np.isnan(record[0])  # most channels are given, and are not looked at any further
     return [i for i in range(record.shape[1]) if not (first[i] and np.isnan(record[:, i]).all())]
 
 
-def _driven(
+def _simulate(
     car: Car, p: plant.Plant, manoeuvre: Manoeuvre, course: OpenLoop | None, substeps: int, simulator: Simulator
 ) -> tuple[Array, dict[str, float], str]:
     """Channels (T, C) of a manoeuvre, what the meta says of its hands, and advice for a car that spins."""
@@ -473,7 +477,7 @@ def _driven(
         record, advice = run_closed(car, p, manoeuvre, substeps, simulator), "ask for less speed"
         if simulator is OWN and not np.isfinite(record[-1]).all():
             raise LostControlError(f"{manoeuvre.name} diverged: {advice}")
-        return record, {f"vehicle_{key}_m": value for key, value in outline(car)._asdict().items()}, advice
+        return record, {f"vehicle_{key}_m": value for key, value in footprint(car)._asdict().items()}, advice
     amplitude, u, straight = course
     record = run(p, manoeuvre, u, straight, substeps, simulator)
     if simulator is OWN and not np.isfinite(record[-1]).all():

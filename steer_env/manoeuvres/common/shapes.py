@@ -38,7 +38,7 @@ def triangle_from_rest(t: Array, amplitude: float, frequency: float) -> tuple[Ar
     return np.where(t < quarter, first[0], then[0]), np.where(t < quarter, first[1], then[1])
 
 
-def eased(t: Array, duration: float, ease: float) -> tuple[Array, Array]:
+def ease_clock(t: Array, duration: float, ease: float) -> tuple[Array, Array]:
     """Value and rate of a clock that starts and stops smoothly.
 
     The rate rises to 1 and falls to 0 within ``ease`` [s]; at the end the clock shows ``duration`` [s].
@@ -62,5 +62,5 @@ def excursion(t: Array, amplitude: float, rise: float, hold: float, back: float)
 
 def straight_ramp(t: Array, amplitude: float, rise: float, ease: float = 0.5) -> tuple[Array, Array]:
     """Value and rate of a linear ramp from zero to a level that is held; the corners are rounded over ``ease`` [s]."""
-    clock, rate = eased(t, rise, ease)
+    clock, rate = ease_clock(t, rise, ease)
     return amplitude * clock / rise, amplitude * rate / rise

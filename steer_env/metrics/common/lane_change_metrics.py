@@ -57,7 +57,7 @@ class Passes:
             if conditions[key] is None:
                 raise RefusedError(f"{key} is not known ({meaning}): give it in the meta or as a condition, {key}=...")
         length, width, centre = (conditions[f"vehicle_{key}_m"] for key in ("length", "width", "centre"))
-        self._car = iso3888.Outline(length, width, centre)
+        self._car = iso3888.Footprint(length, width, centre)
         self._course = iso3888.course(name, self._car.width, conditions["edition"], bool(conditions["mirrored"]))
         if "yaw_angle" in recording.units:  # it may jump by a turn
             channels = {**recording.channels, "yaw_angle": np.unwrap(recording["yaw_angle"])}

@@ -2,10 +2,10 @@
 
 from typing import Any
 
-from steer_env.friction.numerics.registry import Registry, dashed
+from steer_env.friction.numerics.registry import Registry, with_dashes
 
 # Of ``ManoeuvreEvaluation``; the class is not imported, because its module imports the readers of recordings.
-EVALUATIONS: Registry[Any] = Registry("test", "steer_env.metrics", dashed)
+EVALUATIONS: Registry[Any] = Registry("test", "steer_env.metrics", with_dashes)
 
 
 def tests() -> tuple[str, ...]:

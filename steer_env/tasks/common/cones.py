@@ -69,7 +69,7 @@ class AssistCones(NamedTuple):
 
 
 @lru_cache(maxsize=16)
-def course(manoeuvre: str, size: iso3888.Outline) -> tuple[Array, Array, float]:
+def course(manoeuvre: str, size: iso3888.Footprint) -> tuple[Array, Array, float]:
     """Path (P, 4), cones (N, 2) and the end of a course to the left that begins ``APPROACH`` after the start."""
     lanes = iso3888.course(manoeuvre, size.width)
     whole = iso3888.path(lanes, size) + np.array([APPROACH, 0.0])
@@ -98,7 +98,7 @@ def setup_drawer(name: str, manoeuvre: str, coasts: bool = False) -> DrawSetup:
             side = -1.0 if task.checked_option("mirrored", options["mirrored"]) else 1.0
         offset = task.draw_option(rng, options, "entry_offset", -0.2, 0.2)
         heading = task.draw_option(rng, options, "entry_heading", -0.01, 0.01)
-        size = iso3888.outline(context.car)
+        size = iso3888.footprint(context.car)
         road, cones, end = course(manoeuvre, size)
         data = np.concatenate([[end, *size], (cones * [1.0, side]).ravel()])
         t = UPDATE_INTERVAL * np.arange(math.ceil(TIME_RATIO * end / context.speed / UPDATE_INTERVAL) + 1)

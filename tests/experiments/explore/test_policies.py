@@ -63,7 +63,7 @@ def driven(env_id):
     actions, motion of the hands at every sample, and the speed."""
     body, options, seconds = CASES[env_id]
     env = gym.make(env_id, friction="lugre", chassis=body).unwrapped
-    batch, controller = env.batch, policy.Policy(policy.shipped(env_id), env)
+    batch, controller = env.batch, policy.Policy(policy.shipped_policy(env_id), env)
     seen, _ = env.reset(seed=0, options=options)
     record, observed, actions, hands = [], [], [], []
     places = [batch.channels.index(name) for name in SEEN]
@@ -95,7 +95,7 @@ def test_a_page_is_written_without_torch(monkeypatch):
 @pytest.mark.parametrize("env_id", CASES)
 def test_the_network_acts_as_in_python(env_id):
     data, weights = described(env_id)
-    path = policy.shipped(env_id)
+    path = policy.shipped_policy(env_id)
     seen = np.random.default_rng(0).normal(0.0, 1.0, (50, len(data["observed"]))).astype(np.float32)
     found = engine("lugre", "single_track").value(
         "seen.map((each) => policies.forward(data.layers, Float32Array.from(weights), each))",

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from steer_env.live.drive import hands
-from steer_env.live.drive.hands import ARM, Arms, Pedals, arranged
+from steer_env.live.drive.hands import ARM, Arms, Pedals, in_order
 from steer_env.vehicle.subsystems.car import TORQUE
 
 
@@ -58,4 +58,4 @@ def test_pedals_end_the_held_speed_and_a_command_holds_the_present_one():
 
 
 def test_inputs_of_a_car_that_lacks_some_are_left_out():
-    assert arranged(["hand_torque", "wind_force"], {"hand_torque": 2.0, "coast": 1.0}) == [2.0, 0.0]
+    assert in_order(["hand_torque", "wind_force"], {"hand_torque": 2.0, "coast": 1.0}) == [2.0, 0.0]

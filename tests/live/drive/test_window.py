@@ -118,17 +118,17 @@ def test_cones_are_drawn_and_change_where_they_are_touched(course):
     assert seen(drawn(course, x=FIRST), CONE, ROAD) > 100
     car = cars.load("compact")
     scene = Scene(course, car)
-    scene.passed([(FIRST - 5.0, 0.0, 0.0), (FIRST, 0.0, 0.0)])
+    scene.touch_cones([(FIRST - 5.0, 0.0, 0.0), (FIRST, 0.0, 0.0)])
     assert scene.cones()[:, 2].sum() == 0.0
     place = scene.cones()[0, :2]
-    scene.passed([(place[0], place[1], 0.0)])
+    scene.touch_cones([(place[0], place[1], 0.0)])
     assert scene.cones()[0, 2] == 1.0
     made = Window(scene, [car] * len(INFOS))
     made.draw(moment(x=FIRST))
     assert seen(made.canvas.array(), TOUCHED, ROAD) > 20
-    scene.passed([(0.0, 0.0, 0.0)])  # where the road begins anew
+    scene.touch_cones([(0.0, 0.0, 0.0)])  # where the road begins anew
     assert scene.cones()[0, 2] == 0.0
-    scene.passed([(FIRST + 1000.0, 0.0, 0.0)])
+    scene.touch_cones([(FIRST + 1000.0, 0.0, 0.0)])
     assert scene.cones()[:, 2].sum() == 0.0
     assert abs(scene.cones()[:, 0] - FIRST - 1000.0).min() < 300.0
 

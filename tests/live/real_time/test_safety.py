@@ -8,7 +8,7 @@ import pytest
 from steer_env.live.real_time import Limits, Mailboxes
 from steer_env.live.real_time.loop import NEVER, PERIOD, counts, loop_of
 from steer_env.live.real_time.model import restart
-from steer_env.live.real_time.safety import SAFETY, limited
+from steer_env.live.real_time.safety import SAFETY, limit_torque
 from steer_env.vehicle import cars, subsystems
 from tests.live.real_time.wheel import Wheel
 
@@ -268,7 +268,7 @@ def test_the_power_that_drives_the_handwheel_is_limited(torque, speed, expected)
     """Of 60 W at 20 rad/s: 3 N m; a torque that brakes takes power and is not limited."""
     memory = np.zeros(1, SAFETY).view(np.recarray)
     memory.gain = 1.0
-    assert limited(Limits(power=60.0, slew=1e9), memory[0], torque, speed) == pytest.approx(expected)
+    assert limit_torque(Limits(power=60.0, slew=1e9), memory[0], torque, speed) == pytest.approx(expected)
 
 
 def test_every_sample_keeps_the_limit_of_power():
@@ -277,7 +277,7 @@ def test_every_sample_keeps_the_limit_of_power():
     memory.gain = 1.0
     given = [(8.0, 0.0)] * 20 + [(8.0, 30.0)] * 3 + [(8.0, -30.0)] * 20 + [(8.0, 30.0)]
     given += list(zip(10.0 * draw.standard_normal(20_000), 30.0 * draw.standard_normal(20_000)))
-    torques = np.array([limited(limits, memory[0], torque, speed) for torque, speed in given])
+    torques = np.array([limit_torque(limits, memory[0], torque, speed) for torque, speed in given])
     speeds = np.array([speed for _, speed in given])
     assert torques.max() == 8.0
     assert (torques * speeds).max() <= limits.power * (1 + 1e-12)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from steer_env.friction.numerics import scratch
 from steer_env.friction.numerics.kernel import kernel
-from steer_env.vehicle.chassis.common.interface import INPUTS, derivative_apart
+from steer_env.vehicle.chassis.common.interface import INPUTS, separate_derivative
 
 MOST = 16  # unknowns
 _MATRIX, _INPUTS = MOST * MOST, len(INPUTS)
@@ -77,7 +77,7 @@ def balance(p, strut, tyre, x, unknowns, n, dx, out):
             h, kept, other = unknowns.steps[j], x[unknowns.at[j]], x[unknowns.mirrored[j]]
             if k > 0:
                 _move(unknowns.at, unknowns.mirrored, unknowns.signs, x, j, h)
-            derivative_apart(p, strut, tyre, x, 0.0, 0.0, u, dx, out)
+            separate_derivative(p, strut, tyre, x, 0.0, 0.0, u, dx, out)
             x[unknowns.mirrored[j]], x[unknowns.at[j]] = other, kept
             for i in range(n):
                 if k > 0:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, Protocol
 
 from steer_env.friction.numerics.check import one_of
-from steer_env.friction.numerics.kernel import apart, dispatch, kernel
+from steer_env.friction.numerics.kernel import dispatch, kernel, separate_kernel
 from steer_env.friction.numerics.registry import Registry
 from steer_env.vehicle.suspension.macpherson import MacPherson
 from steer_env.vehicle.tyre.tyre import Tyre
@@ -259,8 +259,8 @@ for _point in (begin, derivative, advance, report, speed, state_size, output_siz
     dispatch(_point, lambda parameters, name: getattr(CHASSIS.of(parameters), name, None))
 
 
-@apart
-def derivative_apart(p, strut, tyre, x, rack, rack_rate, u, dx, out):
+@separate_kernel
+def separate_derivative(p, strut, tyre, x, rack, rack_rate, u, dx, out):
     """As :func:`derivative`, for what looks for a balance: its calls share one piece of machine code."""
     return derivative(p, strut, tyre, x, rack, rack_rate, u, dx, out)
 

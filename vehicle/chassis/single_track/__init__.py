@@ -25,9 +25,9 @@ from steer_env.vehicle.chassis.common.interface import (
     INPUTS,
     SPEED_MAX,
     SPEED_MIN,
-    derivative_apart,
     extrapolated_step,
     register,
+    separate_derivative,
 )
 from steer_env.vehicle.chassis.single_track.derivative import derivative
 from steer_env.vehicle.chassis.single_track.from_car import LOAD_TIME, from_car
@@ -86,7 +86,7 @@ def begin(p, strut, tyre, x):
     for i in range(_INPUT_SIZE):
         u[i] = 0.0
     for _ in range(_PASSES):
-        derivative_apart(p, strut, tyre, x, u[0], u[0], u, dx, out)  # zeros as wide as ``x``
+        separate_derivative(p, strut, tyre, x, u[0], u[0], u, dx, out)  # zeros as wide as ``x``
         for i in range(4):
             x[SLIP_FL + i] += dx[SLIP_FL + i] * p.sigma_y / p.v_x
         x[DRIVE_FORCE] += dx[DRIVE_FORCE] * p.T_drive

@@ -76,7 +76,7 @@ def longitudinal_demand(s, speed, target, integral):
 
 
 @kernel
-def split(d, b, gear, engaged, demand, mass, radius, omega_front, omega_rear):
+def pedals(d, b, gear, engaged, demand, mass, radius, omega_front, omega_rear):
     """Throttle and brake pedal, each from 0 to 1, that meet a demand: engine braking first, then the brakes (D7).
 
     Parameters

@@ -40,7 +40,7 @@ from steer_env.vehicle.chassis.two_track.layout import (
     Y,
     Z,
 )
-from steer_env.vehicle.chassis.two_track.wheels import engine_inertias, mean_angular_velocities, pressed
+from steer_env.vehicle.chassis.two_track.wheels import engine_inertias, mean_angular_velocities, pedals_at
 
 _COMMON_OUTPUTS = len(COMMON_OUTPUTS)
 _FIRST_OUTPUT = COMMON_SIZE - _COMMON_OUTPUTS  # position of the common outputs among the channels
@@ -57,7 +57,7 @@ def advance(p, x, rate, rate_before, out, out_before, s, h, u):
     omega_f, omega_r = mean_angular_velocities(x)
     extrapolated_step(x, rate, rate_before, s, h)
     J_f, J_r = engine_inertias(p, x, omega_f, omega_r)
-    _, pedal = pressed(out, out_before, s, u)
+    _, pedal = pedals_at(out, out_before, s, u)
     hold_f, hold_r = brake_torques(p.brakes, pedal, u[HAND_BRAKE])
     for i, drive, J, hold in ((0, DRIVE, J_f, hold_f), (2, DRIVE + 1, J_r, hold_r)):
         half = 0.5 * (out[drive] + s * (out[drive] - out_before[drive]))
@@ -88,7 +88,7 @@ def report(p, x, out, out_before, s, u, row):
     for i in REPORTED_OUTPUTS:
         row[k] = out[i] + s * (out[i] - out_before[i])
         k += 1
-    row[THROTTLE_CHANNEL], row[THROTTLE_CHANNEL + 1] = pressed(out, out_before, s, u)
+    row[THROTTLE_CHANNEL], row[THROTTLE_CHANNEL + 1] = pedals_at(out, out_before, s, u)
 
 
 @kernel

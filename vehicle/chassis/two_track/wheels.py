@@ -31,7 +31,7 @@ from steer_env.vehicle.chassis.two_track.layout import (
     U,
     V,
 )
-from steer_env.vehicle.chassis.two_track.speed_hold import longitudinal_demand, split
+from steer_env.vehicle.chassis.two_track.speed_hold import longitudinal_demand, pedals
 from steer_env.vehicle.chassis.two_track.suspension import per_axle, sides
 from steer_env.vehicle.suspension import kinematics_table
 
@@ -60,7 +60,7 @@ def from_0_to_1(x):
 
 
 @kernel
-def pressed(out, out_before, s, u):
+def pedals_at(out, out_before, s, u):
     """Throttle and brake pedal at a row ``u`` of inputs, ``s`` chassis steps after the last evaluation."""
     throttle = from_0_to_1(out[HOLD_THROTTLE] + s * (out[HOLD_THROTTLE] - out_before[HOLD_THROTTLE]))
     pedal = from_0_to_1(out[HOLD_PEDAL] + s * (out[HOLD_PEDAL] - out_before[HOLD_PEDAL]))
@@ -91,7 +91,7 @@ def torques_of_axles(p, x, u, dx, out):
     if u[COAST] <= 0.0:
         demand, dx[INTEGRAL] = longitudinal_demand(p.hold, x[U], d.speed + u[TARGET_SPEED], x[INTEGRAL])
         mass = d.m + 4.0 * d.I_w / (d.R_e * d.R_e)
-        throttle, pedal = split(p.drive, p.brakes, gear, engaged, demand, mass, d.R_e, omega_f, omega_r)
+        throttle, pedal = pedals(p.drive, p.brakes, gear, engaged, demand, mass, d.R_e, omega_f, omega_r)
     out[HOLD_THROTTLE], out[HOLD_PEDAL] = throttle, pedal
     throttle, pedal = from_0_to_1(throttle + u[THROTTLE_INPUT]), from_0_to_1(pedal + u[BRAKE])
     drive_f, drive_r = axle_torques(p.drive, gear, engaged, throttle, omega_f, omega_r)

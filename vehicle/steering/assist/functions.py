@@ -17,7 +17,7 @@ from steer_env.friction.numerics import units
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.interpolation import bracket
 from steer_env.friction.numerics.kernel import COMPILED, dispatch, kernel
-from steer_env.friction.numerics.units import ONE, Function, Unit, array, caller, part, remembered, values
+from steer_env.friction.numerics.units import ONE, Function, Unit, array, caller, memory_size, part, values
 from steer_env.vehicle.steering.assist import (
     active_return,
     damping,
@@ -213,7 +213,7 @@ def bound(f: Any) -> Any:
 _KERNELS: dict[type, dict[str, Any]] = {
     NoFunctions: {"size": _no_size, "requested": _unchanged},
     Functions: {"size": _size, "requested": _with_functions},
-    Unit: {"size": remembered, "requested": _requested_of_unit},
+    Unit: {"size": memory_size, "requested": _requested_of_unit},
 }
 
 # The dispatch points. Plain Python runs the bodies; compiled code takes the kernel for the class.

@@ -102,7 +102,7 @@ class JoystickInput(WindowInput):
         super()._open()
         self.pygame.joystick.init()
         found = [self.pygame.joystick.Joystick(i) for i in range(self.pygame.joystick.get_count())]
-        self._joystick = chosen(found, [stick.get_name() for stick in found], self._wanted_name, self.name)
+        self._joystick = choose_named(found, [stick.get_name() for stick in found], self._wanted_name, self.name)
         self.about = f"the {self.name} {self._joystick.get_name()!r}"
         count = self._joystick.get_numaxes()
         for option, axis in self._axes.items():
@@ -148,7 +148,7 @@ class JoystickInput(WindowInput):
         return throttle, brake
 
 
-def chosen(things: list[Any], names: list[str], wanted: str, kind: str) -> Any:
+def choose_named(things: list[Any], names: list[str], wanted: str, kind: str) -> Any:
     """The thing that a person asked for by number or part of a name; the only one where nothing was asked for.
 
     Raises

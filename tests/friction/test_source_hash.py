@@ -1,4 +1,4 @@
-"""A kernel's stamp changes with everything that its machine code depends on, and not with what it does not reach."""
+"""The source hash of a kernel changes with all that its machine code depends on, and not with what it does not use."""
 
 import importlib
 import os
@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from steer_env.friction.numerics.kernel import COMPILED, kernel, part
-from steer_env.friction.numerics.stamp import UndecidableError, stamp
+from steer_env.friction.numerics.source_hash import UndecidableError, source_hash
 
 pytestmark = pytest.mark.skipif(not COMPILED, reason="nothing is compiled")
 
@@ -35,17 +35,17 @@ def outer(x, offset=1.0):
 
 def test_everything_that_is_frozen_into_a_kernel_counts(monkeypatch):
     """Constants, the function behind a name, the compiler; not the names of other things."""
-    before = stamp(outer, (), "numba")
-    assert before != stamp(outer, (), "fast")
+    before = source_hash(outer, (), "numba")
+    assert before != source_hash(outer, (), "fast")
     for changed in (3.0, 2, np.float32(2.0), -2.0, np.array([2.0])):
         monkeypatch.setattr(sys.modules[__name__], "FACTOR", changed)
-        assert stamp(outer, (), "numba") != before
+        assert source_hash(outer, (), "numba") != before
     monkeypatch.setattr(sys.modules[__name__], "FACTOR", factors := np.array([2.0]))
-    of_two = stamp(outer, (), "numba")
+    of_two = source_hash(outer, (), "numba")
     factors[0] = 3.0  # the same array
-    assert stamp(outer, (), "numba") not in (before, of_two)
+    assert source_hash(outer, (), "numba") not in (before, of_two)
     monkeypatch.setattr(sys.modules[__name__], "FACTOR", 2.0)
-    assert stamp(outer, (), "numba") == before
+    assert source_hash(outer, (), "numba") == before
 
 
 class Pair(NamedTuple):
@@ -65,10 +65,10 @@ def test_the_order_of_fields_counts(monkeypatch):
     """Of parameters, and of a constant whose values stand in the same order by other names."""
     given, frozen = [], []
     for kind in (Pair, Swapped):
-        given.append(stamp(outer, (numba.typeof(kind(1.0, 2.0)),), "numba"))
+        given.append(source_hash(outer, (numba.typeof(kind(1.0, 2.0)),), "numba"))
         with monkeypatch.context() as changed:
             changed.setattr(sys.modules[__name__], "FACTOR", kind(1.0, 2.0))
-            frozen.append(stamp(outer, (), "numba"))
+            frozen.append(source_hash(outer, (), "numba"))
     assert given[0] != given[1]
     assert frozen[0] != frozen[1]
 
@@ -82,9 +82,9 @@ def closure(factor):
 
 
 def test_what_a_kernel_closes_over_counts_or_is_refused():
-    assert stamp(closure(1.0), (), "numba") != stamp(closure(2.0), (), "numba")
+    assert source_hash(closure(1.0), (), "numba") != source_hash(closure(2.0), (), "numba")
     with pytest.raises(UndecidableError, match="closes over"):
-        stamp(closure(inner), (), "numba")
+        source_hash(closure(inner), (), "numba")
 
 
 @pytest.mark.parametrize("date", [1e9, None], ids=["old", "new"])
@@ -96,7 +96,7 @@ def test_a_file_that_changed_while_the_process_runs_is_refused(date, tmp_path, m
         os.utime(file, (date, date))
     monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(UndecidableError, match="changed while the process was running"):
-        stamp(importlib.import_module(file.stem).f, (), "numba")
+        source_hash(importlib.import_module(file.stem).f, (), "numba")
 
 
 FOLDERS = ("friction", "vehicle", "steer_env", "experiments")

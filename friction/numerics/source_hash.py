@@ -1,12 +1,12 @@
 """The digest of everything that the machine code of a kernel depends on.
 
 numba's own cache looks at the file that holds the kernel only, and would serve stale code after a change of a callee,
-of a friction law or of a constant in another file. :func:`stamp` therefore counts whole files: that of the kernel,
-those of the classes in its signature, which select functions at dispatch points, and of all modules that these refer to
-by any name, with the constants and functions that their names stand for now. Of a package that loads its modules when
-they are asked for it counts what is asked for; an installed package of somebody else with size and date of the file
-that is referred to. What has no file, or one that was edited while the process runs, is refused, and the kernel is then
-compiled without a cache: a stale kernel would give wrong results, a missing cache only costs time.
+of a friction law or of a constant in another file. :func:`source_hash` therefore counts whole files: that of the
+kernel, those of the classes in its signature, which select functions at dispatch points, and of all modules that these
+refer to by any name, with the constants and functions that their names stand for now. Of a package that loads its
+modules when they are asked for it counts what is asked for; an installed package of somebody else with size and date of
+the file that is referred to. What has no file, or one that was edited while the process runs, is refused, and the
+kernel is then compiled without a cache: a stale kernel would give wrong results, a missing cache only costs time.
 """
 
 import functools
@@ -40,7 +40,7 @@ _FREE = (  # settings of numba that leave the code as it is, or that numba sets 
 
 
 # How kernels are compiled and kept, whose numbers change as they are.
-_MACHINERY = tuple(f"{__package__}.{name}" for name in ("cache", "compiler", "kernel", "stamp"))
+_MACHINERY = tuple(f"{__package__}.{name}" for name in ("cache", "compiler", "kernel", "source_hash"))
 
 
 _CODE = FunctionType | Dispatcher
@@ -48,10 +48,10 @@ POINTS: dict[Callable, Callable[[type, str], Any]] = {}  # dispatch point -> (cl
 
 
 class UndecidableError(Exception):
-    """A kernel refers to something that cannot be stamped."""
+    """A kernel refers to something of which no source is known."""
 
 
-def stamp(kernel: Any, signature: tuple, compiler: str) -> str:
+def source_hash(kernel: Any, signature: tuple, compiler: str) -> str:
     """Digest of what the machine code of a kernel depends on.
 
     Parameters
@@ -123,7 +123,7 @@ def _count(module: ModuleType, files: dict[str, str]) -> None:
             _count(sys.modules[each], files)
 
 
-class _Known(NamedTuple):
+class _ModuleNames(NamedTuple):
     """What the names of a module stand for."""
 
     names: tuple[str, ...]
@@ -139,10 +139,10 @@ class _Known(NamedTuple):
         return self.fixed and names == self.names and all(map(operator.is_, self.things, _things(module, self.members)))
 
 
-_known: dict[ModuleType, _Known] = {}
+_known: dict[ModuleType, _ModuleNames] = {}
 
 
-def _known_now(module: ModuleType, text: bytes) -> _Known:
+def _known_now(module: ModuleType, text: bytes) -> _ModuleNames:
     held = dict(vars(module))
     lazy = [(key, value) for key, value in held.items() if _lazy(value)]
     members = [
@@ -150,7 +150,7 @@ def _known_now(module: ModuleType, text: bytes) -> _Known:
     ]
     things = _things(module, members)
     counted = {key: value for key, value in held.items() if module.__name__ not in _MACHINERY and key[:2] != "__"}
-    return _Known(
+    return _ModuleNames(
         tuple(held),
         members,
         things,
