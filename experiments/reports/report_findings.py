@@ -204,13 +204,13 @@ def verdict(results: Results, found: Sequence[OnTerm]) -> str:
         return f"Whether a driver would notice is not known for what was driven here; {what} with {row.law}."
     own = fitted[0].felt if fitted else []
     if shared.felt:
-        after = f"; each fitted, {_few(own, 1) if own else 'none'}" if fitted else ""
-        return f"A driver would notice {_few(shared.felt)} instead of {base}, {shared.most}{after}."
+        after = f"; once fitted, {_few(own, 1) if own else 'none'} would" if fitted else ""
+        return f"Replacing {base} by {_few(shared.felt)} would be noticed, {shared.most}{after}."
     if own:
-        return f"A driver would notice no law instead of {base}; each fitted, {_few(own)}, {fitted[0].most}."
+        return f"Replacing {base} would go unnoticed; once each law is fitted, {_few(own)} would be, {fitted[0].most}."
     largest = max(abs(row.of_base) for term in found for row in term.differences.known)
     return (
-        f"A driver would notice no other law instead of {base}: steady hand torques and angles differ by at most "
+        f"Replacing {base} by another law would go unnoticed: steady hand torques and angles change by at most "
         f"{percent(largest)}."
     )
 

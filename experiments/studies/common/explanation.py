@@ -589,9 +589,9 @@ def verdict(found: Explanation) -> str:
     """The answer in one sentence of at most 25 words."""
     said = "Simulation and measurement disagree"
     if not found.explained:
-        return f"{said}; no named parameter explains it, nor do two together."
+        return f"{said}; no change of one or two of the parameters that were tried explains it."
     if found.best.changes:
-        return f"{said}; {phrase(found.best)} would explain it."
+        return f"{said}; {phrase(found.best)} in the simulation would explain it."
     if found.offsets:
         return f"{said}; sensors that are off would explain it: {in_words(_offsets(found))}."
     return f"{said}, but not beyond noise once it is driven with the speed and handwheel angle of the measurement."
