@@ -15,6 +15,7 @@ from steer_env.experiments.cli.common.messages import in_options
 from steer_env.experiments.cli.main import main, parser
 from steer_env.experiments.cli.study import SWEEPING
 from steer_env.experiments.learning import policy_report
+from steer_env.friction.numerics.extras import install
 from steer_env.friction.numerics.registry import modules_by_name, with_dashes
 from steer_env.live import devices
 from steer_env.live.drive import scene
@@ -94,7 +95,7 @@ def test_a_missing_extra_is_named_before_the_work_begins(missing, command, extra
     )
     assert main(command) == 2
     error = capsys.readouterr().err
-    assert f"needs {missing}: pip install '.[{extra}]'" in error
+    assert f"needs {missing}: {install(extra)}" in error
     assert error.count("\n") == 1
     assert not list(tmp_path.iterdir())
 
