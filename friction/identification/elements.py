@@ -136,9 +136,8 @@ class _Regression(NamedTuple):
         R = np.asarray(
             np.linalg.qr(np.column_stack([A, self.T]), mode="r")
         )  # the same sum of squares in as many rows as columns
-        return not_negative_factors(
-            R[:, :-1], R[:, -1], np.arange(A.shape[1]) >= A.shape[1] - self.problem.columns.shape[1]
-        )
+        free = np.arange(A.shape[1]) >= A.shape[1] - self.problem.columns.shape[1]
+        return not_negative_factors(R[:, :-1], R[:, -1], free)  # (F32)
 
     def solved(self, y: NDArray, slope: NDArray) -> Elements:
         """Levels and factors that leave least, of sliders with these yields and slopes."""

@@ -116,12 +116,8 @@ def read(
             )
         uncalibrated = [name for name, unit in units.items() if unit == COUNTS]
         assumed = [choice.column.label for choice in time if choice.assumed]
-        told = {
-            "not_read": _list_labels(left),
-            "uncalibrated": _list_labels(uncalibrated),
-            "seconds_assumed": _list_labels(assumed),
-        }
-        meta = {**table.meta, **{key: text for key, text in told.items() if text}, **mapping.meta}
+        told = {"not_read": left, "uncalibrated": uncalibrated, "seconds_assumed": assumed}
+        meta = {**table.meta, **{key: _list_labels(each) for key, each in told.items() if each}, **mapping.meta}
         recording = Recording(np.asarray(instants), channels, units, meta)
         for choice in choices:
             if choice.entry.delay and choice.entry.name in channels:

@@ -66,8 +66,8 @@ ERRORS = (
     Planted(
         "the rack force is extrapolated backwards",
         "vehicle/plant.py",
-        "s * (state[at.rack_force] - state[at.rack_force + 1]) + u[RACK_DISTURBANCE]",
-        "s * (state[at.rack_force + 1] - state[at.rack_force]) + u[RACK_DISTURBANCE]",
+        "s * (state[at.rack_force] - state[at.rack_force_before]) + u[RACK_DISTURBANCE]",
+        "s * (state[at.rack_force_before] - state[at.rack_force]) + u[RACK_DISTURBANCE]",
         "tests/vehicle/test_plant.py tests/vehicle",
     ),
     Planted(
@@ -234,8 +234,8 @@ ERRORS = (
     Planted(
         "the last observation of an episode is that of the reset",
         "steer_env/vector.py",
-        "observations[i] = self.batch.arrays.observations[i].copy()",
-        "observations[i] = self.batch.arrays.observations[i]",
+        "final[i] = observations[i].copy()",
+        "final[i] = self.batch.arrays.observations[i]",
         "tests/steer_env/test_infos.py tests/steer_env",
     ),
     Planted(

@@ -93,7 +93,7 @@ def test_compiled_equals_plain_python(monkeypatch):
     compiled = [
         tuple(wheel(MAP, *point)) for point in points for wheel in (kinematics_table.left, kinematics_table.right)
     ]
-    for name in ("_cell", "_weights", "_row", "_patch", "_place", "left", "right"):
+    for name in ("_cell", "_weights", "_row", "_patch", "_splines_and_weights", "left", "right"):
         function = getattr(kinematics_table, name)
         monkeypatch.setattr(kinematics_table, name, getattr(function, "py_func", function))
     plain = [tuple(wheel(MAP, *point)) for point in points for wheel in (kinematics_table.left, kinematics_table.right)]

@@ -72,7 +72,7 @@ class Parameter(NamedTuple):
 
     name: str
     usual: float  # amount by which cars of a kind differ, or channels are late; assumed [of its coordinate]
-    change: Callable[[Setting, float], Setting]
+    change: Callable[[Setting, float], Setting]  # of a setting, by a coordinate
     factor: bool = True  # its coordinate is the logarithm of a factor [1]; else that of a delay [s]
 
     def value(self, x: float) -> float:
@@ -142,7 +142,7 @@ class Fit(NamedTuple):
 
     law: str  # another friction law, with its level fitted; empty for the own one
     changes: tuple[Change, ...]
-    chi_square: float
+    chi_square: float  # of what is left of the curves [1]
     probability: float  # of as large a chi-square by noise alone [1]
     size: float  # of the change, in usual amounts [1]
 
