@@ -91,6 +91,7 @@ def test_without_a_car_to_drive_there_is_no_explanation(clean, stiff):
 
 
 @pytest.mark.whole
+@pytest.mark.filterwarnings("ignore::steer_env.vehicle.cars.UnusualCar")  # of the cars of the pairs
 def test_the_causes_of_made_pairs_are_named():
     """Six of the pairs of ``verify explanation``, with another seed."""
     assert [row.verdict for row in pairs.rows(6, seed=100)] == ["pass"] * 3

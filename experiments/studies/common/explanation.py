@@ -359,10 +359,8 @@ class Start:
     def at(self, chosen: Sequence[Parameter], x: Array) -> Setting:
         """The setting with coordinates x (k,) of parameters; ValueError where a car cannot have them."""
         found = self.setting
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", cars.UnusualCar)
-            for each, value in zip(chosen, x):
-                found = each.change(found, float(value))
+        for each, value in zip(chosen, x):
+            found = each.change(found, float(value))
         return found
 
     def slope(self, chosen: Sequence[Parameter], k: int, x: Array, left: Array) -> Array:
@@ -476,7 +474,8 @@ def explain(
     """
     seen = Measured(measured, simulated, test, allowed, **given)
     own = Start(seen, seen.own)
-    with ThreadPoolExecutor(WORKERS) as pool:
+    with warnings.catch_warnings(), ThreadPoolExecutor(WORKERS) as pool:
+        warnings.simplefilter("ignore", cars.UnusualCar)  # cars that are tried are nobody's
         felt = own.felt(pool)
         good, tried = _search(own, felt, pool)
     least = min((each.chi_square for each in good), default=math.inf)
