@@ -36,6 +36,10 @@ def test_metrics_are_those_of_python(page, browser):
     assert {name: pytest.approx(value.value, rel=1e-4) for name, value in expected.items()} == found
 
 
+# What the page tells, once it is loaded.
+TOLD = "(document.getElementById('status')?.textContent ?? '').replace(/^Loading.*/, '')"
+
+
 def test_the_page_opens_in_small_turns_with_another_law_pinned(pages, browser):
     browser.open(pages.as_uri())
     browser.until(f"{READY} && steerShown.pins.A?.answer.exact")
@@ -230,7 +234,7 @@ def test_a_damaged_folder_is_told(page, tmp_path, file, keep, words):
     damaged.unlink() if keep is None else damaged.write_text(text[:keep], encoding="utf-8")
     with Chromium(tmp_path / "profile") as found:
         found.open((tmp_path / "copy" / "index.html").as_uri())
-        assert words in found.until("document.getElementById('status')?.textContent")
+        assert words in found.until(TOLD)
 
 
 def test_a_law_that_cannot_be_loaded_leaves_the_law_before(pages, browser, tmp_path):
@@ -256,7 +260,7 @@ def test_law_and_chassis_that_are_chosen_at_once_are_both_taken(pages, browser):
 def test_a_car_that_cannot_be_driven_is_not_pinned_and_that_is_told(page, browser):
     bad = "law=lugre&chassis=single_track&column.I2=0.005&column.K_tb=300&assist.boost_scale=1.5&assist.damping=0"
     browser.open(address(page, A=quote(bad)))
-    told = browser.until("document.getElementById('status')?.textContent")
+    told = browser.until(TOLD)
     assert told.startswith("A is not pinned. ")
 
 
@@ -304,7 +308,7 @@ def test_it_opens_from_a_static_host_too(page, browser):
 def test_a_browser_without_webassembly_is_told_in_a_sentence(page, browser):
     browser.call("Page.addScriptToEvaluateOnNewDocument", source="delete globalThis.WebAssembly")
     browser.open(address(page))
-    browser.until("document.getElementById('status')?.textContent")
+    browser.until(TOLD)
     assert "which this browser lacks" in browser.value("document.getElementById('status').textContent")
 
 
