@@ -83,7 +83,9 @@ def require_search(text):
 
     stem = snowballstemmer.stemmer("english").stemWord
     found = index["terms"][stem("hysteresis")]
-    assert "docs/friction_measurement" in {index["docnames"][k] for k in (found if isinstance(found, list) else [found])}
+    assert "docs/friction_measurement" in {
+        index["docnames"][k] for k in (found if isinstance(found, list) else [found])
+    }
     declared = {"laws": friction.available(), "cars": cars.available(), "manoeuvres": metrics.tests()}
     assert {f"{folder}/{name}" for folder, names in declared.items() for name in names} <= set(index["docnames"])
 
