@@ -27,7 +27,6 @@ from steer_env.friction.law import LAWS
 from steer_env.metrics.common import just_noticeable
 
 ADVICE = ": try another law with friction.compare"  # at the end of a warning of a law that does not describe the record
-ROWS = 10  # of the first table
 WITHIN = 1.5  # of the record's own repeatability: a law that leaves no more describes the record; assumed [1]
 
 
@@ -272,8 +271,6 @@ def page_of(found: Found, folder: str) -> Page:
         "folder": folder,
         "verdict": verdict(found),
         "fitted": fitted,
-        "first": fitted[:ROWS],
-        "rest": [_title(each.law) for each in fitted[ROWS:]],
         "equals": [each.law for each in found.equals],
         "missed": [each for each in found.laws if each.fit is None],
         "percent": lambda x: percent(found, x),

@@ -18,6 +18,7 @@ FLOOR = 1e-3  # deviation of the residuals at least, of the level [1]: what nois
 WORSE = 6.6  # growth of the sum of squares, in deviations squared: quantile of 99 % of chi square, one degree ...
 HARDLY = 0.02  # ... and of the residual at most [1]: residuals that last for long allow much growth
 FAR_OUT = 3.0  # of the scale of the loss: larger residuals say nothing of a parameter, as of a late reversal; assumed
+NEARLY = 2.0  # of the growth that is allowed, within which a search from elsewhere may gain enough; assumed [1]
 STARTS = 3  # of the search without a break-away ...
 BEYOND = 1.5  # ... of so many times the largest torque of the record, which does not show it then; assumed [1]
 STRETCHES = 10  # parts of a record without equal periods ...
@@ -231,16 +232,20 @@ def _without(problem: Problem, space: Space, optimum: Optimum, name: str) -> tup
     growth = min(WORSE / n_e, (1.0 + HARDLY) ** 2 - 1.0)  # (F34)
     spare = problem.own**2 * optimum.residual.size - float(np.sum(optimum.residual**2))  # it describes the noise of x
     again = np.where(smaller.lowest == 0.0, smaller.start, smaller.inside)  # what was zero may replace it
-    part, coarse = problem.thinned(), 0.1 * float(np.ptp(problem.torque))
+    part, coarse, least = problem.thinned(), 0.1 * float(np.ptp(problem.torque)), math.inf
     for q in (smaller.inside, again, None):
+        if q is None and least > NEARLY:
+            break
         if q is None:  # far from here, where others take its place
             end = searched(problem, smaller, STARTS, 0, False)
         else:
             end = refined(problem, smaller, descended(part, smaller, np.append(q, optimum.q[n:]), coarse))
         inside = np.abs(optimum.residual) < FAR_OUT * end.loss_scale  # without what would allow much
         before, after = (float(np.sum(each.residual[inside] ** 2)) for each in (optimum, end))
-        if after - before <= max(growth * (before + FLOOR**2 * inside.sum()), spare):
+        allowed = max(growth * (before + FLOOR**2 * inside.sum()), spare)
+        if after - before <= allowed:
             return smaller, end
+        least = min(least, (after - before) / allowed)
     return None
 
 

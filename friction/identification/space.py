@@ -13,6 +13,8 @@ from steer_env.friction.law import Law, Sliders
 from steer_env.friction.level import Level
 
 REACH = math.log(1e6)  # of a logarithm about its start [1]
+# The same of torques and displacements: beyond it a record tells none from zero, and the equation of a law grows stiff.
+REACH_IN_SCALE = math.log(1e3)
 EDGE = 1e-3  # distance of a coordinate from the end of its range, within which it is at it [1]
 NEAR = 1e-3  # change of a coordinate that shows an edge of what the law allows [1]
 HALVINGS = 60  # of a way to a bound of the law
@@ -73,10 +75,11 @@ def sought_of(law: Law, given: Mapping[str, Any]) -> tuple[Sought, ...]:
             result.append(Sought(name, False, None, start, lowest, math.inf, 0.0))
         else:
             start = math.log(value) if pure else 0.0
-            lowest = _lowest(law, name, start) if pure else start - REACH
+            reach = REACH_IN_SCALE if law.units.get(name) in ("N m", "rad") else REACH
+            lowest = _lowest(law, name, start) if pure else start - reach
             start = max(start, lowest + 0.1)
             derived = signature[name].default is None
-            result.append(Sought(name, True, None, start, lowest, start + REACH, None if derived else start))
+            result.append(Sought(name, True, None, start, lowest, start + reach, None if derived else start))
     return tuple(result)
 
 
