@@ -25,6 +25,7 @@ STRETCHES = 10  # parts of a record without equal periods ...
 LEAST = 5  # ... or with fewer of them
 SPEEDS = 1.5  # over each other, of the 95th and the 5th percentile of the way: less is one speed; assumed [1]
 FAR = 20.0  # travels of the record, after which a law slides; assumed [1]
+FLAT = 1e-8  # of the steepest column: a flatter one is rounding of a difference quotient, which may follow another [1]
 ROUNDING = 1e-6  # deviation of the residuals that an interval allows for at least, of the level; assumed [1]
 DAMPING = "N m s/rad"
 SIZE = 1.96  # deviations of the normal distribution: 95 %
@@ -102,7 +103,8 @@ def half_widths(J: NDArray, residual: NDArray, rows: NDArray, floor: float = 0.0
     n, m = J.shape
     freedom = max(n / samples_per_count(residual) - m, 1.0)
     size = np.linalg.norm(J, axis=0)
-    size[size == 0.0] = 1e-12 * (size.max() or 1.0)
+    flat = size <= FLAT * size.max()
+    J, size = np.where(flat, 0.0, J), np.where(flat, 1e-12 * (size.max() or 1.0), size)
     w, V = np.linalg.eigh((J / size).T @ (J / size))
     inverse = V / np.maximum(w, 1e-14) @ V.T  # parameters without influence get a very large variance
     variance = max(residual @ residual / freedom, floor**2)  # (F35)

@@ -9,6 +9,7 @@ import pytest
 from steer_env import friction
 from steer_env.experiments.studies.common.friction_records import rig
 from steer_env.friction import law
+from steer_env.friction.identification.determined import half_widths
 from steer_env.friction.identification.displacement import deviation_of, motion_of, noise_of, quantum_of
 from steer_env.friction.identification.record import timed
 from steer_env.friction.identification.scales import Scales, exponents
@@ -435,6 +436,16 @@ def test_stiffness_and_yield_of_two_sliders_off_the_grid_of_yields():
         assert low <= 1.2 <= high
         assert value == pytest.approx(np.sum(found.parameters.k * found.parameters.y))
     assert np.mean(held) >= 0.9
+
+
+def test_a_column_of_rounding_widens_no_other_interval():
+    """Rounding of a difference quotient goes with the torque, so that such a column is one with that of the level."""
+    rng = np.random.default_rng(0)
+    level, offset, residual = rng.normal(size=(3, 1000))
+    J = np.column_stack([level, 1e-10 * level, offset])
+    half = half_widths(J, residual, np.eye(3), 1e-3)
+    np.testing.assert_allclose(half[[0, 2]], half_widths(J[:, [0, 2]], residual, np.eye(2), 1e-3), rtol=1e-3)
+    assert half[1] > 1e6
 
 
 def test_what_a_slider_is_not_determined_in_is_not_told():
