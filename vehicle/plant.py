@@ -76,6 +76,7 @@ STEPS_PER_CHASSIS_STEP = 2  # column steps for each evaluation of the chassis
 CHASSIS_STEP = STEPS_PER_CHASSIS_STEP * SAMPLE_TIME  # [s]
 _INPUTS, SCALES = len(INPUTS), column.SCALES
 SETTLING, RUN_IN = 2 * STEPS_PER_CHASSIS_STEP, 5000  # samples before a drive, from a balance and without one
+_AT_ONCE = 20  # samples of four plants whose channels stay in the cache of the processor until they are told
 STOP_STIFFNESS = 2e6  # of the end stops of the rack, assumed [N/m]
 
 
@@ -389,13 +390,38 @@ def run_fours(template, common, rows, states, inputs, channels, finite, low, hig
                     found += 1
                     waits[k - low] = 0.0
                 k += 1
-            interleave(states, size, four, block)
-            interleave(inputs, samples * taken, four, u)
+            interleave(states, size, four * size, block)
+            interleave(inputs, samples * taken, four * (samples * taken), u)
             sound = run(_side_by_side(of_rows(template, rows, four), of_friction), block[0], u, row, 1)
-            deinterleave(block, size, four, states)
-            deinterleave(row, told, four, channels)
+            deinterleave(block, size, four * size, states)
+            deinterleave(row, told, four * told, channels)
             for k, each in zip(unpack(four), unpack(sound)):
                 finite[k] = each
+
+
+@kernel
+def record_fours(template, rows, states, inputs, records):
+    """:func:`run` of up to four plants of one kind side by side, with the channels of every sample, to the bit.
+
+    Parameters
+    ----------
+    template, rows, states, inputs
+        As of :func:`run_rows`; what :func:`steer_env.friction.numerics.packing.common_columns` tells of is equal.
+    records : (N, T, C) array
+        Receives the channels at the end of each sample.
+    """
+    n, size, samples, taken, told = states.shape[0], states.shape[1], inputs.shape[1], inputs.shape[2], records.shape[2]
+    block, u, row = scratch.fours(1, size), scratch.fours(_AT_ONCE, taken), scratch.fours(_AT_ONCE, told)
+    of_friction, lanes = scratch.fours(1, template.friction.numbers.size)[0], pack(0.0, 1.0, 2.0, 3.0)
+    four = as_index(where(lanes >= n, n - 1.0, lanes))  # lanes for which there is no plant do what the last one does
+    p = _side_by_side(of_rows(template, rows, four), of_friction)
+    interleave(states, size, four * size, block)
+    for i in range(0, samples, _AT_ONCE):
+        k = min(_AT_ONCE, samples - i)
+        interleave(inputs, k * taken, (four * samples + i) * taken, u)
+        run(p, block[0], u[:k], row[:k], 1)
+        deinterleave(row, k * told, (four * samples + i) * told, records)
+    deinterleave(block, size, four * size, states)
 
 
 @kernel
@@ -444,7 +470,7 @@ def begin_fours(template, rows, states, samples, low, high):
     for i in range(low, high):
         four = as_index(broadcast(i))
         samples[i] = begin(_rolling(of_rows(template, rows, four)), block[0])
-        deinterleave(block, states.shape[1], four, states)
+        deinterleave(block, states.shape[1], four * states.shape[1], states)
 
 
 def reported(p: Plant, state: NDArray[np.float64], u: NDArray[np.float64]) -> NDArray[np.float64]:

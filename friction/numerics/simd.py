@@ -89,21 +89,21 @@ def store(array: Any, i: Any, x: Any) -> None:
 
 
 @kernel
-def interleave(array, size, rows, block):
-    """Copy ``size`` numbers, at least four, of each of four rows of a contiguous array to a block of vectors."""
+def interleave(array, size, starts, block):
+    """Copy ``size`` numbers, at least four, from each of four places in a contiguous array to a block of vectors."""
     for k in range(0, size, 4):
         at = minimum(k, size - 4)  # the last four may be copied twice
-        a, b, c, d = unpack_cars(load(array, rows * size + at))
+        a, b, c, d = unpack_cars(load(array, starts + at))
         store(block, at, pack(a, b, c, d))
 
 
 @kernel
-def deinterleave(block, size, rows, array):
+def deinterleave(block, size, starts, array):
     """The reverse of :func:`interleave`."""
     for k in range(0, size, 4):
         at = minimum(k, size - 4)
         a, b, c, d = unpack_cars(load(block, at))
-        store(array, rows * size + at, pack(a, b, c, d))
+        store(array, starts + at, pack(a, b, c, d))
 
 
 def as_index(x: Any) -> Any:

@@ -142,9 +142,9 @@ def of_a_car(grid, table, x, out):
 def of_four_cars(grid, table, x, out):
     cars, found = scratch.fours(1, x.shape[1]), scratch.fours(1, out.shape[1])
     rows = as_index(pack(2.0, 0.0, 3.0, 1.0))
-    interleave(x, x.shape[1], rows, cars)
+    interleave(x, x.shape[1], rows * x.shape[1], cars)
     of_a_car(grid, table, cars[0], found[0])
-    deinterleave(found, out.shape[1], rows, out)
+    deinterleave(found, out.shape[1], rows * out.shape[1], out)
 
 
 @pytest.mark.skipif(not COMPILED, reason="cars run side by side in compiled code alone")
