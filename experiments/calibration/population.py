@@ -212,6 +212,7 @@ def collect(
     """Draw and drive the cars of a population."""
     n, seed = whole("n", n, 1), whole("seed", seed, 0)
     one_of("distribution", distribution, DISTRIBUTIONS)
+    study = variation.near_nominal(study)
     rows = [draw_car(study.factors, seed, index, distribution) for index in range(n)]
     size = max(BLOCK, math.ceil(n / BLOCKS))
     blocks = [Block(study, tuple(rows[k : k + size]), f"cars {k + 1} to {min(k + size, n)}") for k in range(0, n, size)]

@@ -198,7 +198,7 @@ def collect(
     ValueError
         A test without bands, or a nominal car that cannot be driven.
     """
-    bands = bands_of(targets, study)
+    bands, study = bands_of(targets, study), variation.near_nominal(study)
     (nominal,) = evaluate(Block(study, (tuple(f.own for f in study.factors),), "the nominal car"))
     if all(math.isnan(x) for (test, _), x in nominal.values.items() if test):
         why = next(iter(nominal.refused.values()))

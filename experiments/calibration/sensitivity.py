@@ -149,6 +149,7 @@ def collect(
         The car as it is cannot be driven through the tests, or too few parameter sets can.
     """
     bands = {name: band.good for name, band in targets.of_tests(study.tests).items()}
+    study = variation.near_nominal(study)
     cases = [Block(study, (tuple(factor.own for factor in study.factors),), "the car as it is")]
     for k, points in enumerate(design.points.tolist(), 1):
         rows = tuple(tuple(map(value, study.factors, point)) for point in points)

@@ -6,7 +6,8 @@ any car.
 
 import math
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 from steer_env import friction, manoeuvres, metrics
@@ -16,6 +17,7 @@ from steer_env.experiments.calibration.problem import Range
 from steer_env.friction import gear
 from steer_env.friction.law import LAWS
 from steer_env.friction.sites import Sites, with_defaults
+from steer_env.manoeuvres.common.driving import BESIDE, FAR, FoundAmplitude, search
 from steer_env.metrics import definition
 from steer_env.tuning import driving, parameters, reward
 from steer_env.tuning.env import SPEED
@@ -60,6 +62,7 @@ class Study(NamedTuple):
     tests: tuple[str, ...] = SCENARIO.tests
     options: Mapping[str, Mapping[str, Any]] = {}  # of tests that are not driven as usual
     own_hands: bool = False  # whether parameters of the assist, too, change the motion of the hands for a test
+    near: Mapping[str, FoundAmplitude] = {}  # test -> amplitude of the nominal car, from which others are sought
 
     @property
     def outputs(self) -> tuple[Output, ...]:
@@ -185,7 +188,7 @@ class _Prepared(NamedTuple):
     """A plant in the tests, with the motion of the hands."""
 
     car: Car
-    drives: tuple[driving.PreparedDrive, ...]
+    drives: dict[str, driving.PreparedDrive]  # by test
     undriven: dict[str, str]  # test -> why it cannot be driven
 
 
@@ -198,45 +201,96 @@ def evaluate(block: Block) -> list[Outputs]:
     study, found = block.study, list[Outputs]()
     names = [factor.name for factor in study.factors]
     of_plant = [i for i, name in enumerate(names) if study.own_hands or name not in KNOWN]
-    last: tuple[list[float], _Prepared] | None = None
-    for row in block.rows:
-        values, plant = dict(zip(names, row)), [row[i] for i in of_plant]
-        try:
-            if last is None or last[0] != plant:
-                last = plant, _prepare(study, values)
-            found.append(_outputs(study, last[1], values))
-        except ValueError as error:
-            found.append(Outputs(dict.fromkeys(study.outputs, math.nan), dict.fromkeys(study.outputs, str(error))))
+    plants: dict[Any, _Prepared | ValueError] = {}
+    for k in range(0, len(block.rows), BESIDE):
+        sets = [dict(zip(names, row)) for row in block.rows[k : k + BESIDE]]
+        keys = [tuple(row[i] for i in of_plant) for row in block.rows[k : k + BESIDE]]
+        plants = {key: plants[key] for key in keys if key in plants}  # several sets in a row may have one plant
+        new = {key: values for key, values in zip(keys, sets) if key not in plants}
+        plants |= dict(zip(new, _prepare(study, [*new.values()])))
+        found += _outputs(study, [plants[key] for key in keys], sets)
     return found
 
 
-def _prepare(study: Study, values: Mapping[str, float]) -> _Prepared:
+def near_nominal(study: Study) -> Study:
+    """The study with the amplitudes of its nominal car, which lie near those of the others.
+
+    They are part of every case, so that no result depends on where and after what it is computed.
+    """
+    found = dict(study.near)
+    with suppress(ValueError):  # of a car that cannot be driven, which each row tells of itself
+        car, drawn = _loaded(study, {factor.name: factor.own for factor in study.factors})
+        for each in driving.adapt_drives(drives_of(study), study.chassis, drawn):
+            m = each.manoeuvre
+            if m.name not in found and m.lateral_acceleration is not None and m.amplitude is None:
+                with suppress(ValueError):
+                    found[m.name] = search(driving.build_test(each, car, drawn), m, near=FAR)
+    return study._replace(near=found)
+
+
+def _loaded(study: Study, values: Mapping[str, float]) -> tuple[Car, Conditions]:
+    """The car with its load, and with its own assist where that moves the hands, and the conditions."""
     car, drawn = change_car(study, values)
     if study.own_hands:
         car = car._replace(assist=assist_of(car, values))
-    car = car.loaded(drawn.load)
-    prepared, undriven = list[driving.PreparedDrive](), dict[str, str]()
-    for each in driving.adapt_drives(drives_of(study), study.chassis, drawn):
+    return car.loaded(drawn.load), drawn
+
+
+def _prepare(study: Study, sets: Sequence[Mapping[str, float]]) -> list[_Prepared | ValueError]:
+    """The plants of up to ``BESIDE`` parameter sets, or why a set is not allowed."""
+    found: list[_Prepared | ValueError] = []
+    given: list[tuple[_Prepared, list[Drive], Conditions]] = []
+    for values in sets:
         try:
-            prepared.append(driving.prepare_drive(each, car, drawn))
+            car, drawn = _loaded(study, values)
         except ValueError as error:
-            undriven[each.manoeuvre.name] = str(error)
-    if not prepared:
-        raise ValueError(next(iter(undriven.values())))
-    return _Prepared(car, tuple(prepared), undriven)
+            found.append(error)
+            continue
+        plant = _Prepared(car, {}, {})
+        found.append(plant)
+        given.append((plant, driving.adapt_drives(drives_of(study), study.chassis, drawn), drawn))
+    for k, test in enumerate(study.tests):
+        of_test = [(drives[k], plant.car, drawn) for plant, drives, drawn in given]
+        for (plant, *_), each in zip(given, driving.prepare_beside(of_test, study.near.get(test))):
+            if isinstance(each, ValueError):
+                plant.undriven[test] = str(each)
+            else:
+                plant.drives[test] = each
+    return found
 
 
-def _outputs(study: Study, plant: _Prepared, values: Mapping[str, float]) -> Outputs:
-    assist = plant.car.assist if study.own_hands else assist_of(plant.car, values)
+def _outputs(
+    study: Study, plants: Sequence[_Prepared | ValueError], sets: Sequence[Mapping[str, float]]
+) -> list[Outputs]:
+    """The outputs of up to ``BESIDE`` parameter sets by their plants."""
+    found: list[Outputs] = []
+    assists: dict[int, Assist] = {}
+    tests: dict[int, dict[str, driving.PreparedDrive]] = {}
+    for i, (plant, values) in enumerate(zip(plants, sets)):
+        try:
+            if isinstance(plant, ValueError):
+                raise plant
+            assist = plant.car.assist if study.own_hands else assist_of(plant.car, values)
+            found.append(_of_loop(plant, assist))
+            assists[i], tests[i] = assist, plant.drives
+        except ValueError as error:
+            found.append(Outputs(dict.fromkeys(study.outputs, math.nan), dict.fromkeys(study.outputs, str(error))))
+    for test in study.tests:
+        drives = {i: tests[i][test] for i in assists if test in tests[i]}
+        for i, each in zip(drives, driving.evaluate_beside([*drives.values()], [assists[i] for i in drives])):
+            for name, metric in each.items():
+                found[i].values[test, name] = metric.value
+                if metric.reason:
+                    found[i].refused[test, name] = metric.reason
+    return found
+
+
+def _of_loop(plant: _Prepared, assist: Assist) -> Outputs:
+    """The margins with an assist, and what cannot be driven; ValueError where no test can be."""
+    if not plant.drives:
+        raise ValueError(next(iter(plant.undriven.values())))
     refused = {(test, name): why for test, why in plant.undriven.items() for name in metrics.available(test)}
-    found: dict[Output, float] = dict.fromkeys(refused, math.nan)
-    for each in plant.drives:
-        test = each.drive.manoeuvre.name
-        for name, metric in driving.evaluate((each,), assist).items():
-            found[test, name] = metric.value
-            if metric.reason:
-                refused[test, name] = metric.reason
-    margins = driving.margins(plant.drives, assist)
+    margins = driving.margins(tuple(plant.drives.values()), assist)
     phase, gain = reward.degrees_and_decibels(margins)
     of_loop = (min(phase, 180.0), min(gain, ENOUGH)) if margins.stable else (0.0, 0.0)
-    return Outputs(found | dict(zip((("", name) for name in OF_LOOP), of_loop)), refused)
+    return Outputs(dict.fromkeys(refused, math.nan) | dict(zip((("", name) for name in OF_LOOP), of_loop)), refused)

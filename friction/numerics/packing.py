@@ -147,6 +147,16 @@ def common_columns(parameters: Any) -> NDArray[np.int64]:
     return np.array(found)
 
 
+def kind(parameters: Any) -> Any:
+    """What parameters have in common that kernels take as one type, with numbers at the same places and one table."""
+    if isinstance(parameters, tuple):
+        inner = id if type(parameters) in _shared else kind
+        return type(parameters), *map(inner, parameters)
+    if isinstance(parameters, np.ndarray):
+        return type(parameters), parameters.dtype, parameters.shape, parameters.flags.writeable
+    return type(parameters)
+
+
 def structure(parameters: Any) -> Any:
     """The parameters with None for every float among the numbers: a template for :func:`of_row`.
 

@@ -1,6 +1,6 @@
 """A parameter set driven through the tests of a scenario: the metrics of them all, and the margins of the loop."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -10,7 +10,14 @@ from steer_env import metrics
 from steer_env.episode.randomise import Conditions, with_level
 from steer_env.friction.numerics.thread_pool import one_blas_thread
 from steer_env.friction.sites import transmissions
-from steer_env.manoeuvres.common.driving import OpenLoop, build_plant, drive_plant, open_loop
+from steer_env.manoeuvres.common.driving import (
+    FoundAmplitude,
+    OpenLoop,
+    build_plant,
+    drive_plant,
+    open_loops,
+    run_beside,
+)
 from steer_env.metrics import Value
 from steer_env.recording.recording import Recording
 from steer_env.tuning.context import Reference, measure_context
@@ -68,9 +75,38 @@ def prepare_drives(scenario: Scenario, car: Car, chassis: str, drawn: Conditions
 
 def prepare_drive(drive: Drive, loaded: Car, drawn: Conditions) -> PreparedDrive:
     """A drive in a context, with the car that has its load; ValueError as of :func:`prepare_drives`."""
-    m = drive.manoeuvre
-    p = with_level(build_plant(loaded, m, drawn.friction, drawn.road_friction), drawn)
-    return PreparedDrive(drive, loaded, p, None if m.driver else open_loop(p, m))
+    (found,) = prepare_beside([(drive, loaded, drawn)])
+    if isinstance(found, ValueError):
+        raise found
+    return found
+
+
+def prepare_beside(
+    given: Sequence[tuple[Drive, Car, Conditions]], near: FoundAmplitude | None = None
+) -> list[PreparedDrive | ValueError]:
+    """:func:`prepare_drive` of a test of up to four cars, which go side by side, or why a car cannot be driven.
+
+    The search for an amplitude begins ``near`` that of a similar car.
+    """
+    plants: dict[int, Plant] = {}
+    found: dict[int, PreparedDrive | ValueError] = {}
+    for i, (drive, loaded, drawn) in enumerate(given):
+        try:
+            plants[i] = build_test(drive, loaded, drawn)
+        except ValueError as error:
+            found[i] = error
+    courses: Iterable[OpenLoop | ValueError | None] = [None] * len(plants)
+    if plants and not given[0][0].manoeuvre.driver:
+        courses = open_loops([(p, given[i][0].manoeuvre) for i, p in plants.items()], near=near)
+    for (i, p), course in zip(plants.items(), courses):
+        drive, loaded, _ = given[i]
+        found[i] = course if isinstance(course, ValueError) else PreparedDrive(drive, loaded, p, course)
+    return [found[i] for i in range(len(given))]
+
+
+def build_test(drive: Drive, loaded: Car, drawn: Conditions) -> Plant:
+    """The plant of a drive in a context, with the car that has its load."""
+    return with_level(build_plant(loaded, drive.manoeuvre, drawn.friction, drawn.road_friction), drawn)
 
 
 def drive_set(drives: tuple[PreparedDrive, ...], assist: Assist) -> SetResult:
@@ -97,20 +133,37 @@ def measure_reference(drives: tuple[PreparedDrive, ...], car: Car, chassis: str,
 def evaluate(drives: tuple[PreparedDrive, ...], assist: Assist) -> dict[str, Value]:
     """Every metric of the drives with an assist, without intervals."""
     found: dict[str, Value] = {}
-    for drive, car, p, course in drives:
-        tuned = p._replace(assist=assist)
-        if (
-            course and layout.size_of(tuned) != course.straight.size
-        ):  # functions that the car's own assist does not have
-            course = course._replace(straight=plant.initial_state(tuned))
-        try:
-            recording = drive_plant(car, tuned, drive.manoeuvre, course)
-        except ValueError as error:
-            names = metrics.available(drive.manoeuvre.name)
-            found |= {n: Value(np.nan, np.nan, np.nan, metrics.definition(n).unit, str(error)) for n in names}
-        else:
-            found |= metrics.evaluate(thin_out(recording, drive.thinning), intervals=False)
+    for each in drives:
+        found |= evaluate_beside([each], [assist])[0]
     return found
+
+
+def evaluate_beside(prepared: Sequence[PreparedDrive], assists: Sequence[Assist]) -> list[dict[str, Value]]:
+    """Every metric of a test of up to four cars, which go side by side, each with an assist, without intervals."""
+    plants = [each.plant._replace(assist=assist) for each, assist in zip(prepared, assists)]
+    courses = [each.course and _started(each.course, p) for each, p in zip(prepared, plants)]
+    ready = [course for course in courses if course]
+    if len(ready) > 1:
+        u, straight = np.array([each.inputs for each in ready]), [each.straight for each in ready]
+        records = run_beside(plants, prepared[0].drive.manoeuvre, u, straight)
+        courses = [course._replace(record=record) for course, record in zip(ready, records)]
+    return [_metrics(each, p, course) for each, p, course in zip(prepared, plants, courses)]
+
+
+def _started(course: OpenLoop, p: Plant) -> OpenLoop:
+    """A course from the state of a plant, which may have functions that the car's own assist does not have."""
+    same = layout.size_of(p) == course.straight.size
+    return course if same else course._replace(straight=plant.initial_state(p))
+
+
+def _metrics(prepared: PreparedDrive, p: Plant, course: OpenLoop | None) -> dict[str, Value]:
+    manoeuvre = prepared.drive.manoeuvre
+    try:
+        recording = drive_plant(prepared.car, p, manoeuvre, course)
+    except ValueError as error:
+        names = metrics.available(manoeuvre.name)
+        return {n: Value(np.nan, np.nan, np.nan, metrics.definition(n).unit, str(error)) for n in names}
+    return metrics.evaluate(thin_out(recording, prepared.drive.thinning), intervals=False)
 
 
 def thin_out(recording: Recording, thinning: int) -> Recording:

@@ -12,7 +12,7 @@ import pytest
 
 import steer_env
 from steer_env import manoeuvres, metrics, targets
-from steer_env.experiments.calibration import population, production, production_page
+from steer_env.experiments.calibration import population, production, production_page, variation
 from steer_env.experiments.calibration.variation import Outputs
 from steer_env.experiments.cli.main import main
 from steer_env.tuning import driving
@@ -85,6 +85,22 @@ def test_a_row_is_the_drive_of_the_car_with_its_values():
     for name, value in driven.items():
         assert found.outputs[f"hold.{name}"][0] == (pytest.approx(value.value, rel=1e-12, nan_ok=True))
     assert found.units["column.K_tb"] == "N m/rad"
+
+
+def test_a_row_is_the_same_beside_whichever_others():
+    """A car that is refused, and one alone, among them."""
+    factors = {"column.K_tb": 0.1, "road_friction": (0.1, 1.0)}
+    many = steer_env.population("compact", 6, factors, ("weave", "release"), "lugre")
+    assert 0 < len(many.refused["weave.torque_at_0g"]) < 6
+    posed = variation.near_nominal(study(factors, ("weave", "release")))
+    rows = list(zip(*many.parameters.values()))
+    for order in ([0, 1], [5, 3, 1, 0], [2, 4, 3]):
+        found = population.evaluate(variation.Block(posed, tuple(rows[i] for i in order), "some"))
+        for i, each in zip(order, found):
+            for output, value in each.values.items():
+                name = population.column(output)
+                assert value == pytest.approx(many.outputs[name][i], rel=0.0, nan_ok=True)
+                assert each.refused.get(output) == many.refused.get(name, {}).get(i)
 
 
 def test_a_row_with_an_amplitude_is_the_drive_of_the_car_with_it():

@@ -102,18 +102,49 @@ def test_sides_and_repeats_of_the_step():
 
 @pytest.mark.parametrize("test", ["weave", "step-steer"])
 def test_a_search_near_what_another_law_found_takes_few_runs_and_comes_as_close(test, monkeypatch):
-    m, run, runs = manoeuvres.make(test), driving.run, []
+    m, run, runs = manoeuvres.make(test), driving.run_beside, []
     near = driving.search(driving.build_plant(CAR, m, "lugre"), m)
-    monkeypatch.setattr(driving, "run", lambda *args, **more: runs.append(args) or run(*args, **more))
+    monkeypatch.setattr(driving, "run_beside", lambda *args, **more: runs.append(args) or run(*args, **more))
     for law in ("masing", "viscous"):
         p = driving.build_plant(CAR, m, law)
         runs.clear()
         amplitude = driving.search(p, m, near=near).amplitude
         assert 1 <= len(runs) <= 3
-        record = run(p, m, driving.inputs(m, amplitude, m.trial or m.duration))
+        record = driving.run(p, m, driving.inputs(m, amplitude, m.trial or m.duration))
         reached = m.reach(record[:, plant.CHANNEL["lateral_acceleration"]])
         assert reached == pytest.approx(m.lateral_acceleration, rel=driving.CLOSE)
         assert amplitude == pytest.approx(driving.find_amplitude(p, m), rel=3.0 * driving.CLOSE)
+
+
+@pytest.mark.parametrize("test", ["weave", "release"])
+def test_cars_beside_each_other_have_the_amplitudes_and_the_channels_of_each_alone(test):
+    """To the bit: in fours, in threes with the last one twice, in pairs that go alone, and of other laws between."""
+    m = manoeuvres.make(test)
+    near = driving.search(driving.build_plant(CAR, m, "lugre"), m)
+    plants = [driving.build_plant(CAR.loaded(mass), m, "lugre") for mass in (0.0, 60.0, 120.0)]
+    plants.append(plants[0]._replace(friction_torque_scale=1.3))
+    alone = [driving.open_loop(p, m, near=near) for p in plants]
+    records = [driving.run(p, m, each.inputs, each.straight) for p, each in zip(plants, alone)]
+    for count in (4, 3, 2):
+        beside = driving.open_loops([(p, m) for p in plants[:count]], near=near)
+        assert [each.amplitude for each in beside] == [each.amplitude for each in alone[:count]]
+        u, straight = np.array([each.inputs for each in beside]), [each.straight for each in beside]
+        assert np.array_equal(driving.run_beside(plants[:count], m, u, straight), records[:count])
+    plants[2] = driving.build_plant(CAR, m, "masing")
+    straight = [plant.initial_state(p) for p in plants]
+    u = np.array([each.inputs for each in alone])
+    for p, rows, record in zip(plants, u, driving.run_beside(plants, m, u, straight)):
+        assert np.array_equal(driving.run(p, m, rows), record)
+
+
+def test_a_car_that_reaches_no_acceleration_is_told_beside_others():
+    m = manoeuvres.make("weave")
+    plants = [driving.build_plant(CAR, m, "lugre", mu) for mu in (1.0, 0.15, 0.9, 0.95)]
+    found = driving.open_loops([(p, m) for p in plants], near=driving.search(plants[0], m))
+    with pytest.raises(ValueError, match="no handwheel amplitude reaches 2 m/s2") as alone:
+        driving.open_loop(plants[1], m)
+    assert str(found[1]) == str(alone.value)
+    assert [isinstance(each, ValueError) for each in found] == [False, True, False, False]
 
 
 def test_a_simulator_binds_every_plant_that_it_runs():

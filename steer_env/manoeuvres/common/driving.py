@@ -1,10 +1,9 @@
 """Simulation of a manoeuvre: the plant that it needs, the amplitude of the hands, and the recording."""
 
 import math
-from collections.abc import Callable, Iterable
-from functools import partial
+from collections.abc import Callable, Generator, Iterable, Sequence
 from itertools import pairwise
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 from steer_env.courses.iso3888 import footprint
 from steer_env.friction.numerics.check import positive
 from steer_env.friction.numerics.kernel import bind
-from steer_env.friction.numerics.packing import leaves
+from steer_env.friction.numerics.packing import common_columns, kind, leaves, numbers, structure
 from steer_env.friction.sites import named
 from steer_env.manoeuvres.common.definition import Manoeuvre
 from steer_env.manoeuvres.common.shapes import ramp_and_hold
@@ -25,8 +24,10 @@ from steer_env.vehicle.steering.eps import SAMPLE_TIME, without_assist
 from steer_env.vehicle.tyre import BEYOND_TYRE
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
 BLOCK = 1024  # rows of a record that are taken apart at once
 HOLD = 10  # samples between two calls of a driver
+BESIDE = 4  # plants that run side by side
 CLOSE = 1e-5  # error of the lateral acceleration that is reached [1]
 _RESPONSE = ("handwheel_torque", "lateral_speed", "yaw_rate")
 REGRIP = 1.0  # time after which a robot that grips again has its prescribed angle, assumed [s]
@@ -61,6 +62,10 @@ class Simulator(Protocol):
 class WholeCar:
     """The simulator of this project's own car, by the kernels of :mod:`steer_env.vehicle.plant`."""
 
+    def __init__(self) -> None:
+        self._bound: tuple[Any, Any, Callable] = None, None, plant.run  # a plant, and what runs it
+        self._entries: dict[Any, tuple[Any, Callable]] = {}
+
     def suited(self, manoeuvre: Manoeuvre) -> Manoeuvre:
         """The manoeuvre as it is."""
         return manoeuvre
@@ -77,14 +82,41 @@ class WholeCar:
         """As :func:`steer_env.vehicle.plant.run`; a plant that runs again is not bound anew."""
         if not all(each.flags.c_contiguous and each.dtype == float for each in (state, inputs, record)):
             return plant.run(p, state, inputs, record, substeps)  # a bound kernel looks at no array's type
-        of, kernel = self._bound
+        of, made, kernel = self._bound
         if of is not p:
             made = plant.bound(p)
-            kernel = partial(bind(plant.run, made, state, inputs, record, substeps), made)
-            self._bound = p, kernel
-        return kernel(state, inputs, record, substeps)
+            kernel = self._entry(plant.run, made, state, inputs, record, substeps)
+            self._bound = p, made, kernel
+        return kernel(made, state, inputs, record, substeps)
 
-    _bound: tuple[Any, Callable] = None, plant.run
+    def run_beside(self, plants: Sequence[plant.Plant], states: Sequence[Array], inputs: Array, records: Array) -> bool:
+        """Run up to four plants side by side, each as :meth:`run` does to the bit, with inputs (N, T, I) and so on.
+
+        False, and nothing is run, where they do not go side by side, or are so few that each by itself takes less time.
+        """
+        if not BESIDE / 2 < len(plants) <= BESIDE or not all(map(plant.side_by_side, plants)):
+            return False
+        made, rows = [plant.bound(p, wide=True) for p in plants], [numbers(p) for p in plants]
+        if len({(id(p.friction.at), kind(p)) for p in made}) > 1:
+            return False
+        table, same = np.array(rows), [slice(*ends) for ends in common_columns(plants[0])]
+        if any(not np.array_equal(table[:, each], table[[0] * len(rows), each]) for each in same):
+            return False
+        template, beside = structure(made[0]), np.array(states)
+        arrays = table, beside, np.ascontiguousarray(inputs), np.ascontiguousarray(records)
+        self._entry(plant.record_fours, template, *arrays)(template, *arrays)
+        if arrays[-1] is not records:
+            records[:] = arrays[-1]
+        for state, end in zip(states, beside):
+            state[:] = end
+        return True
+
+    def _entry(self, kernel: Any, made: Any, *arguments: Any) -> Callable:
+        """The entry point of a kernel for a bound plant: numba looks longer at one than its kind is compared."""
+        of, entry = self._entries.get(kernel, (None, plant.run))
+        if of != kind(made):
+            of, entry = self._entries[kernel] = kind(made), bind(kernel, made, *arguments)
+        return entry
 
     def about(self, car: Car) -> dict[str, Any]:
         """The geometry and the limits of the motor, which metrics need."""
@@ -144,6 +176,14 @@ def find_amplitude(p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator = 
     return search(p, manoeuvre, simulator).amplitude
 
 
+def _sole(found: Sequence[T | ValueError]) -> T:
+    """The one result there is; raises it where it is an error."""
+    (result,) = found
+    if isinstance(result, ValueError):
+        raise result
+    return result
+
+
 def search(
     p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator = OWN, near: FoundAmplitude | None = None
 ) -> FoundAmplitude:
@@ -151,29 +191,61 @@ def search(
 
     The response is nearly proportional, so each round removes most of the error. A search that begins ``near`` what was
     found for a car that differs little goes by secants over logarithms, whose slope is then known to a tenth: it takes
-    an error that one more step brings below :data:`CLOSE`, and that step.
+    an error that one more step brings below :data:`CLOSE`, and that step. A secant leaves less than the product of the
+    errors at its ends. Where secants lead nowhere, the search begins anew without them.
     """
-    target = positive("lateral_acceleration", manoeuvre.lateral_acceleration)
+    return _sole(_search([(p, manoeuvre)], [simulator.settled(p)[0]], near, simulator))
+
+
+def _search(
+    cars: Sequence[tuple[plant.Plant, Manoeuvre]],
+    straight: Sequence[Array],
+    near: FoundAmplitude | None,
+    simulator: Simulator,
+) -> list[FoundAmplitude | ValueError]:
+    """:func:`search` of up to :data:`BESIDE` cars in one test, which go side by side."""
+    found: dict[int, FoundAmplitude | ValueError] = {}
+    seeking = [_seek(positive("lateral_acceleration", m.lateral_acceleration), near) for _, m in cars]
+    tried = {i: next(each) for i, each in enumerate(seeking)}
+    while tried:
+        going, m = [*tried], cars[0][1]
+        u = np.array([inputs(m, amplitude, m.trial or m.duration) for amplitude in tried.values()])
+        records = run_beside([cars[i][0] for i in going], m, u, [straight[i] for i in going], simulator=simulator)
+        for i, record in zip(going, records):
+            p, m = cars[i]
+            try:
+                tried[i] = seeking[i].send(m.reach(record[:, plant.CHANNEL["lateral_acceleration"]]))
+            except StopIteration as end:
+                del tried[i]
+                found[i] = end.value or ValueError("; ".join([_unreached(m), *_unstable(p, m, [m.speed])]))
+    return [found[i] for i in range(len(cars))]
+
+
+def _seek(target: float, near: FoundAmplitude | None) -> Generator[float, float, FoundAmplitude | None]:
+    """Amplitudes to try, each of which is sent the acceleration that it reaches; None where none reaches the target."""
     (amplitude, growth), tried = near or FAR, None
     for _ in range(10):
-        u = inputs(manoeuvre, amplitude, manoeuvre.trial or manoeuvre.duration)
-        record = run(p, manoeuvre, u, simulator=simulator)
-        reached = manoeuvre.reach(record[:, plant.CHANNEL["lateral_acceleration"]])
+        reached = yield amplitude
         if not reached / target > 0.0:
             break
-        point = math.log(reached), math.log(amplitude)
+        point, left = (math.log(reached), math.log(amplitude), reached / target - 1.0), 0.1
         if tried:
-            growth = min(max((point[0] - tried[0]) / (point[1] - tried[1]), 0.5), 2.0)
-        if abs(reached / target - 1.0) < CLOSE:
+            slope = (point[0] - tried[0]) / (point[1] - tried[1])
+            growth = min(max(slope, 0.5), 2.0)
+            left = min(left, abs(tried[2])) if growth == slope else left
+        if abs(point[2]) < CLOSE:
             return FoundAmplitude(amplitude, growth)
         tried = point
         amplitude *= (target / reached) ** (1.0 / growth if near else 1.0)
-        if near and abs(reached / target - 1.0) < 10.0 * CLOSE:
+        if near and left * abs(point[2]) < CLOSE:
             return FoundAmplitude(amplitude, growth)
         if not amplitude < 6.0:
             break
-    text = f"{manoeuvre.name}: no handwheel amplitude reaches {target:g} m/s2 at {manoeuvre.speed:g} m/s"
-    raise ValueError("; ".join([text, *_unstable(p, manoeuvre, [manoeuvre.speed])]))
+    return (yield from _seek(target, None)) if near else None
+
+
+def _unreached(m: Manoeuvre) -> str:
+    return f"{m.name}: no handwheel amplitude reaches {m.lateral_acceleration:g} m/s2 at {m.speed:g} m/s"
 
 
 def _unstable(p: plant.Plant, manoeuvre: Manoeuvre, speeds: Iterable[float]) -> list[str]:
@@ -195,12 +267,6 @@ def _speeds_to_check(p: plant.Plant, speeds: Array) -> Array:
     return np.array([low, *p.assist.speeds[(p.assist.speeds > low) & (p.assist.speeds < high)], high])
 
 
-def _amplitude(p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator, near: FoundAmplitude | None) -> float:
-    if manoeuvre.amplitude is not None:
-        return manoeuvre.amplitude
-    return p.rack_limit / p.pinion_radius if manoeuvre.lock else search(p, manoeuvre, simulator, near).amplitude
-
-
 def _text(value: Any) -> str:
     """A friction parameter in the form of the command line: a number, or numbers joined by colons."""
     return ":".join(map(repr, np.ravel(value).tolist()))
@@ -218,17 +284,37 @@ def run(
 
     ``straight`` is the state of straight running; it is computed if it is not given.
     """
-    record = np.zeros((len(u), len(simulator.channels(p))))
-    state = simulator.settled(p)[0] if straight is None else straight.copy()
-    changes = [min(round(t / SAMPLE_TIME), len(u)) for t in manoeuvre.released]
-    for k, (start, end) in enumerate(pairwise([0, *changes, len(u)])):
+    straight = simulator.settled(p)[0] if straight is None else straight
+    return run_beside([p], manoeuvre, u[None], [straight], substeps, simulator)[0]
+
+
+def run_beside(
+    plants: Sequence[plant.Plant],
+    manoeuvre: Manoeuvre,
+    u: Array,
+    straight: Sequence[Array],
+    substeps: int = 1,
+    simulator: Simulator = OWN,
+) -> Array:
+    """:func:`run` of up to :data:`BESIDE` plants, to the bit: channels (N, T, C) with inputs (N, T, I).
+
+    Plants of one kind go side by side, in a third of the time.
+    """
+    states = [each.copy() for each in straight]
+    records = np.zeros((*u.shape[:2], len(simulator.channels(plants[0]))))
+    changes = [min(round(t / SAMPLE_TIME), u.shape[1]) for t in manoeuvre.released]
+    for k, (start, end) in enumerate(pairwise([0, *changes, u.shape[1]])):
         if start == end:
             continue
-        rows, free = u[start:end], k % 2 == 1
+        rows, part, free = u[:, start:end], records[:, start:end], k % 2 == 1
         if k and not free:
-            rows = _regrip(rows, state[column.HANDWHEEL_ANGLE], state[column.HANDWHEEL_SPEED])
-        simulator.run(p._replace(robot=0.0) if free else p, state, rows, record[start:end], substeps)
-    return record
+            hands = ((x[column.HANDWHEEL_ANGLE], x[column.HANDWHEEL_SPEED]) for x in states)
+            rows = np.array([_regrip(row, *hand) for row, hand in zip(rows, hands)])
+        driven = [p._replace(robot=0.0) if free else p for p in plants]
+        if not (simulator is OWN and substeps == 1 and OWN.run_beside(driven, states, rows, part)):
+            for each in zip(driven, states, rows, part):
+                simulator.run(*each, substeps)
+    return records
 
 
 def run_closed(car: Car, p: plant.Plant, manoeuvre: Manoeuvre, substeps: int = 1, simulator: Simulator = OWN) -> Array:
@@ -375,14 +461,32 @@ class OpenLoop(NamedTuple):
     amplitude: float  # of the handwheel angle [rad] or of the hand torque [N m]
     inputs: Array  # (T, I) inputs of the plant, one row per sample
     straight: Array  # (S,) state of straight running
+    record: Array | None = None  # (T, C) channels, where it has been run
 
 
 def open_loop(
     p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator = OWN, near: FoundAmplitude | None = None
 ) -> OpenLoop:
     """The inputs of a manoeuvre; ValueError where no amplitude reaches its lateral acceleration."""
-    amplitude = _amplitude(p, manoeuvre, simulator, near)
-    return OpenLoop(amplitude, inputs(manoeuvre, amplitude, manoeuvre.duration), simulator.settled(p)[0])
+    return _sole(open_loops([(p, manoeuvre)], simulator, near))
+
+
+def open_loops(
+    cars: Sequence[tuple[plant.Plant, Manoeuvre]], simulator: Simulator = OWN, near: FoundAmplitude | None = None
+) -> list[OpenLoop | ValueError]:
+    """:func:`open_loop` of up to :data:`BESIDE` cars in one test, or why there is none."""
+    straight, m = [simulator.settled(p)[0] for p, _ in cars], cars[0][1]
+    if m.amplitude is not None:
+        amplitudes: list[float | ValueError] = [m.amplitude] * len(cars)
+    elif m.lock:
+        amplitudes = [p.rack_limit / p.pinion_radius for p, _ in cars]
+    else:
+        found = _search(cars, straight, near, simulator)
+        amplitudes = [each if isinstance(each, ValueError) else each.amplitude for each in found]
+    return [
+        x if isinstance(x, ValueError) else OpenLoop(x, inputs(m, x, m.duration), state)
+        for x, state in zip(amplitudes, straight)
+    ]
 
 
 def drive_plant(
@@ -478,8 +582,8 @@ def _simulate(
         if simulator is OWN and not np.isfinite(record[-1]).all():
             raise LostControlError(f"{manoeuvre.name} diverged: {advice}")
         return record, {f"vehicle_{key}_m": value for key, value in footprint(car)._asdict().items()}, advice
-    amplitude, u, straight = course
-    record = run(p, manoeuvre, u, straight, substeps, simulator)
+    amplitude, u, straight, driven = course
+    record = run(p, manoeuvre, u, straight, substeps, simulator) if driven is None else driven
     if simulator is OWN and not np.isfinite(record[-1]).all():
         raise ValueError(f"{manoeuvre.name} diverged: {plant.first_non_finite(p, straight, u)} first")
     steered = {"amplitude_rad" if manoeuvre.robot else "amplitude_nm": amplitude}
