@@ -6,6 +6,7 @@ import operator
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from difflib import get_close_matches
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -132,6 +133,12 @@ def numbers(name: str, values: Any) -> NDArray[np.float64]:
     return result
 
 
+@lru_cache(maxsize=256)
+def parameters_of(make: Callable[..., Any]) -> Mapping[str, inspect.Parameter]:
+    """The parameters of a function by name, read once: every car that is made asks for those of all constructors."""
+    return inspect.signature(make).parameters
+
+
 def construct(what: str, make: Callable[..., Any], given: Mapping[str, Any]) -> Any:
     """``make(**given)``, if these are its parameters.
 
@@ -140,7 +147,7 @@ def construct(what: str, make: Callable[..., Any], given: Mapping[str, Any]) -> 
     ValueError
         For a parameter that ``make`` does not take or that is missing, with those that it takes.
     """
-    known = inspect.signature(make).parameters
+    known = parameters_of(make)
     takes = f"it takes: {', '.join(known)}" if known else "it takes none"
     for key in given:
         if key not in known:

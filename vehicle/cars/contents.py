@@ -3,12 +3,12 @@
 import json
 import os
 from collections.abc import Mapping
-from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from steer_env.friction.numerics.check import parameters_of
 from steer_env.vehicle import tyre
 from steer_env.vehicle.cars.keys import CONSTRUCTORS, TEXTS
 from steer_env.vehicle.keys import declared_keys
@@ -70,7 +70,7 @@ def _of_kind(found: dict[str, Any], name: str, section: Mapping[str, float]) -> 
 def _keys(section: str, given: Mapping[str, Any], made: Any) -> dict[str, Any]:
     """Every key of a section that is made by a constructor, with the value that gives ``made`` to the bit."""
     make = CONSTRUCTORS[section]
-    values = {key: given.get(key, parameter.default) for key, parameter in signature(make).parameters.items()}
+    values = {key: given.get(key, parameter.default) for key, parameter in parameters_of(make).items()}
     again = make(**values)
     # A part that was replaced, for example a boost table, is itself the value of the key of the same name.
     replaced = {

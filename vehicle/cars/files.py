@@ -5,7 +5,6 @@ import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
-from inspect import signature
 from numbers import Real
 from os import PathLike, fspath
 from pathlib import Path
@@ -15,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.friction.numerics import toml
-from steer_env.friction.numerics.check import one_of, warn_once
+from steer_env.friction.numerics.check import one_of, parameters_of, warn_once
 from steer_env.vehicle import tyre
 from steer_env.vehicle.cars import contradictions, plausible
 from steer_env.vehicle.cars.car import Car
@@ -108,7 +107,7 @@ def _at_column(data: dict[str, Any], pinion_radius: float) -> dict[str, Any]:
     kind, found = kinds.KINDS[name], dict(data)
     require_known(name, data[name], (*declared_keys()[name],))
     for other in ("column", "assist"):
-        require_known(other, data[other], signature(CONSTRUCTORS[other]).parameters)
+        require_known(other, data[other], parameters_of(CONSTRUCTORS[other]))
     section = dict(data[name])
     if "boost" in section:
         if "boost" in data["assist"]:
@@ -187,7 +186,7 @@ def _depth(value: Any) -> int:
 def _construct(section: str, given: Any) -> Any:
     """The parameters of a section that has a constructor."""
     make = CONSTRUCTORS[section]
-    known = signature(make).parameters
+    known = parameters_of(make)
     require_known(section, given, known)
     for key, value in given.items():
         wanted = _depth(known[key].default)

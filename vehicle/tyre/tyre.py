@@ -10,6 +10,7 @@ import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -522,6 +523,7 @@ DATA = Path(__file__).parents[1] / "data" / "tyres"
 EXAMPLES = ("example_mf52", "example_mf61", "example_mf62")  # of the formats: plausible numbers that nobody measured
 
 
+@cache
 def _packaged() -> dict[str, Path]:
     return {file.stem: file for file in sorted(DATA.iterdir()) if file.suffix in (".json", ".tir")}
 
@@ -529,6 +531,14 @@ def _packaged() -> dict[str, Path]:
 def available() -> tuple[str, ...]:
     """Names of the packaged tyres, without ``EXAMPLES``."""
     return tuple(name for name in _packaged() if name not in EXAMPLES)
+
+
+@cache
+def _from_json(path: Path) -> Tyre:
+    """A packaged tyre, read once: every car that is changed asks for its own."""
+    data = json.loads(path.read_text(encoding="utf-8"))
+    coefficients = MagicFormula(**{key: float(value) for key, value in data["coefficients"].items()})
+    return Tyre(path.stem, data["source"], coefficients, pressure=PressureTerms(inflation=coefficients.NOMPRES))
 
 
 def load(name: str | os.PathLike | Mapping[str, Any] = "pacejka_2006_205_60r15", symmetric: bool = False) -> Tyre:
@@ -553,9 +563,7 @@ def load(name: str | os.PathLike | Mapping[str, Any] = "pacejka_2006_205_60r15",
             f"or an example of the formats, {', '.join(EXAMPLES)}, or a path that ends in .tir"
         )
     if path.suffix == ".json":
-        data = json.loads(path.read_text(encoding="utf-8"))
-        coefficients = MagicFormula(**{key: float(value) for key, value in data["coefficients"].items()})
-        tyre = Tyre(name, data["source"], coefficients, pressure=PressureTerms(inflation=coefficients.NOMPRES))
+        tyre = _from_json(path)
     else:
         file = tir.read(path)
         try:

@@ -64,7 +64,7 @@ class WholeCar:
 
     def __init__(self) -> None:
         self._bound: tuple[Any, Any, Callable] = None, None, plant.run  # a plant, and what runs it
-        self._entries: dict[Any, tuple[Any, Callable]] = {}
+        self._by_kind: dict[str, tuple[Any, Any]] = {}  # what was made last for plants of a kind
 
     def suited(self, manoeuvre: Manoeuvre) -> Manoeuvre:
         """The manoeuvre as it is."""
@@ -85,7 +85,8 @@ class WholeCar:
         of, made, kernel = self._bound
         if of is not p:
             made = plant.bound(p)
-            kernel = self._entry(plant.run, made, state, inputs, record, substeps)
+            arguments = made, state, inputs, record, substeps
+            kernel = self._kept("one", kind(made), lambda: bind(plant.run, *arguments))
             self._bound = p, made, kernel
         return kernel(made, state, inputs, record, substeps)
 
@@ -96,27 +97,31 @@ class WholeCar:
         """
         if not BESIDE / 2 < len(plants) <= BESIDE or not all(map(plant.side_by_side, plants)):
             return False
-        made, rows = [plant.bound(p, wide=True) for p in plants], [numbers(p) for p in plants]
-        if len({(id(p.friction.at), kind(p)) for p in made}) > 1:
-            return False
-        table, same = np.array(rows), [slice(*ends) for ends in common_columns(plants[0])]
-        if any(not np.array_equal(table[:, each], table[[0] * len(rows), each]) for each in same):
+        p, made = plants[0], [plant.bound(each, wide=True) for each in plants]
+        of, *others = {(id(each.friction.at), kind(own)) for each, own in zip(made, plants)}
+        rows = np.array([numbers(each) for each in plants])
+        if others or any(
+            np.any(rows[:, low:high] != rows[0, low:high])
+            for low, high in self._kept("common", of, lambda: common_columns(p))
+        ):
             return False
         template, beside = structure(made[0]), np.array(states)
-        arrays = table, beside, np.ascontiguousarray(inputs), np.ascontiguousarray(records)
-        self._entry(plant.record_fours, template, *arrays)(template, *arrays)
+        arrays = rows, beside, np.ascontiguousarray(inputs), np.ascontiguousarray(records)
+        entry = self._kept("fours", of, lambda: bind(plant.record_fours, template, *arrays))
+        entry(template, *arrays)
         if arrays[-1] is not records:
             records[:] = arrays[-1]
         for state, end in zip(states, beside):
             state[:] = end
         return True
 
-    def _entry(self, kernel: Any, made: Any, *arguments: Any) -> Callable:
-        """The entry point of a kernel for a bound plant: numba looks longer at one than its kind is compared."""
-        of, entry = self._entries.get(kernel, (None, plant.run))
-        if of != kind(made):
-            of, entry = self._entries[kernel] = kind(made), bind(kernel, made, *arguments)
-        return entry
+    def _kept(self, name: str, of: Any, make: Callable[[], T]) -> T:
+        """What is made once for plants of a kind: numba looks longer at the types of a plant than their kinds take."""
+        known, found = self._by_kind.get(name, (None, None))
+        if known != of:
+            found = make()
+            self._by_kind[name] = of, found
+        return found
 
     def about(self, car: Car) -> dict[str, Any]:
         """The geometry and the limits of the motor, which metrics need."""

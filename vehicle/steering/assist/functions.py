@@ -5,8 +5,7 @@ A car without any of them has :class:`NoFunctions`, and needs neither state nor 
 address (:func:`bound`).
 """
 
-from collections.abc import Callable, Iterator, Mapping
-from functools import cache
+from collections.abc import Callable, Iterator
 from inspect import Parameter, Signature, signature
 from typing import Any, NamedTuple
 
@@ -14,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.friction.numerics import units
+from steer_env.friction.numerics.check import parameters_of
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.interpolation import bracket
 from steer_env.friction.numerics.kernel import COMPILED, dispatch, kernel
@@ -58,19 +58,13 @@ class Signals(NamedTuple):
     speed: float  # of the vehicle, below 0 in reverse [m/s]
 
 
-@cache
-def _parameters(make: Callable) -> Mapping[str, Parameter]:
-    """The parameters of a function by name, read once: every car that is made asks for those of all constructors."""
-    return signature(make).parameters
-
-
 def _own_keys(make: Callable) -> Iterator[Parameter]:
-    return (p for p in _parameters(make).values() if p.kind is Parameter.KEYWORD_ONLY)
+    return (p for p in parameters_of(make).values() if p.kind is Parameter.KEYWORD_ONLY)
 
 
 def with_keys(make: Callable, *others: Callable) -> Signature:
     """The signature of ``make(*, ..., **more)`` with the keys of every function and of others in place of the last."""
-    own = [p for p in _parameters(make).values() if p.kind is not Parameter.VAR_KEYWORD]
+    own = [p for p in signature(make).parameters.values() if p.kind is not Parameter.VAR_KEYWORD]
     makes = (*(module.make for module in MODULES), *others)
     return signature(make).replace(parameters=[*own, *(key for each in makes for key in _own_keys(each))])
 
@@ -99,7 +93,7 @@ def make(speeds: NDArray[np.float64], dt: float, **keys: Any) -> "Functions | No
     common = {"count": speeds.size, "dt": dt}
     made = {}
     for module in MODULES:
-        taken = _parameters(module.make)
+        taken = parameters_of(module.make)
         given = {key: value for key, value in {**common, **keys}.items() if key in taken}
         made[module.__name__.rpartition(".")[2]] = module.make(**given)
     if not any(np.any(function.gain) for function in made.values()):
@@ -113,7 +107,7 @@ def keys(f: "Functions | NoFunctions", dt: float) -> dict[str, Any]:
     if isinstance(f, Functions):
         for module in MODULES:
             p = getattr(f, module.__name__.rpartition(".")[2])
-            found |= module.keys(p, dt) if "dt" in _parameters(module.keys) else module.keys(p)
+            found |= module.keys(p, dt) if "dt" in parameters_of(module.keys) else module.keys(p)
     return found
 
 
