@@ -152,10 +152,11 @@ def study_of(
         raise ValueError(f"{what} must map one or more parameters to their tolerances, got {ranges!r}")
     factors = tuple(_range(car, law, name, given, what) for name, given in ranges.items())
     study = Study(car, law, chassis, factors, tuple(tests), options, own_hands=True)
+    change = cars.changer(car)
     for f in factors:
         for end in (f.low, f.high):
             try:
-                variation.assist_of(variation.change_car(study, {f.name: end})[0], {f.name: end})
+                variation.assist_of(variation.change_car(study, {f.name: end}, change)[0], {f.name: end})
             except ValueError as error:
                 raise ValueError(f"{what}: {f.name}={end:g} is not allowed: {error}") from None
     return study

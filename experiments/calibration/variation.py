@@ -6,7 +6,7 @@ any car.
 
 import math
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any, NamedTuple
 
@@ -149,8 +149,12 @@ def _names(law: Any) -> list[str]:
     ]
 
 
-def change_car(study: Study, values: Mapping[str, float]) -> tuple[Car, Conditions]:
+def change_car(
+    study: Study, values: Mapping[str, float], change: Callable[[Mapping[str, Any]], Car]
+) -> tuple[Car, Conditions]:
     """The car and the conditions that values of parameters make, with the assist of the car as it is.
+
+    ``change`` is the ``cars.changer`` of the study's car.
 
     Raises
     ------
@@ -163,7 +167,7 @@ def change_car(study: Study, values: Mapping[str, float]) -> tuple[Car, Conditio
     changes = {key: x for key, x in values.items() if key not in known and not key.startswith(FRICTION)}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UnusualCar)  # told when the car was read; the others are meant to be so
-        car = cars.load(study.car, changes)
+        car = change(changes)
     resolved = friction.varied(study.law, law) if law else friction.resolve(study.law)
     return car, undrawn(car, resolved, conditions["speed"])._replace(**conditions)
 
@@ -198,7 +202,7 @@ def evaluate(block: Block) -> list[Outputs]:
     A set that the car or the law does not allow has all its outputs refused; of a test that cannot be driven, those of
     the test.
     """
-    study, found = block.study, list[Outputs]()
+    study, found, change = block.study, list[Outputs](), cars.changer(block.study.car)
     names = [factor.name for factor in study.factors]
     of_plant = [i for i, name in enumerate(names) if study.own_hands or name not in KNOWN]
     plants: dict[Any, _Prepared | ValueError] = {}
@@ -207,7 +211,7 @@ def evaluate(block: Block) -> list[Outputs]:
         keys = [tuple(row[i] for i in of_plant) for row in block.rows[k : k + BESIDE]]
         plants = {key: plants[key] for key in keys if key in plants}  # several sets in a row may have one plant
         new = {key: values for key, values in zip(keys, sets) if key not in plants}
-        plants |= dict(zip(new, _prepare(study, [*new.values()])))
+        plants |= dict(zip(new, _prepare(study, [*new.values()], change)))
         found += _outputs(study, [plants[key] for key in keys], sets)
     return found
 
@@ -219,7 +223,8 @@ def near_nominal(study: Study) -> Study:
     """
     found = dict(study.near)
     with suppress(ValueError):  # of a car that cannot be driven, which each row tells of itself
-        car, drawn = _loaded(study, {factor.name: factor.own for factor in study.factors})
+        own = {factor.name: factor.own for factor in study.factors}
+        car, drawn = _loaded(study, own, cars.changer(study.car))
         for each in driving.adapt_drives(drives_of(study), study.chassis, drawn):
             m = each.manoeuvre
             if m.name not in found and m.lateral_acceleration is not None and m.amplitude is None:
@@ -228,21 +233,25 @@ def near_nominal(study: Study) -> Study:
     return study._replace(near=found)
 
 
-def _loaded(study: Study, values: Mapping[str, float]) -> tuple[Car, Conditions]:
+def _loaded(
+    study: Study, values: Mapping[str, float], change: Callable[[Mapping[str, Any]], Car]
+) -> tuple[Car, Conditions]:
     """The car with its load, and with its own assist where that moves the hands, and the conditions."""
-    car, drawn = change_car(study, values)
+    car, drawn = change_car(study, values, change)
     if study.own_hands:
         car = car._replace(assist=assist_of(car, values))
     return car.loaded(drawn.load), drawn
 
 
-def _prepare(study: Study, sets: Sequence[Mapping[str, float]]) -> list[_Prepared | ValueError]:
+def _prepare(
+    study: Study, sets: Sequence[Mapping[str, float]], change: Callable[[Mapping[str, Any]], Car]
+) -> list[_Prepared | ValueError]:
     """The plants of up to ``BESIDE`` parameter sets, or why a set is not allowed."""
     found: list[_Prepared | ValueError] = []
     given: list[tuple[_Prepared, list[Drive], Conditions]] = []
     for values in sets:
         try:
-            car, drawn = _loaded(study, values)
+            car, drawn = _loaded(study, values, change)
         except ValueError as error:
             found.append(error)
             continue

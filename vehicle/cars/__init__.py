@@ -2,7 +2,7 @@
 
 from steer_env.vehicle.cars.car import SPEEDS, Car
 from steer_env.vehicle.cars.contents import write
-from steer_env.vehicle.cars.files import available, every_key, from_data, load
+from steer_env.vehicle.cars.files import available, changer, every_key, from_data, load
 from steer_env.vehicle.cars.plausible import UnusualCar
 from steer_env.vehicle.chassis.common.interface import SPEED_MAX, SPEED_MIN
 from steer_env.vehicle.keys import declared_keys
@@ -14,6 +14,7 @@ __all__ = [
     "Car",
     "UnusualCar",
     "available",
+    "changer",
     "declared_keys",
     "every_key",
     "from_data",

@@ -3,8 +3,8 @@
 import copy
 import json
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from functools import lru_cache
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cache, lru_cache, partial
 from numbers import Real
 from os import PathLike, fspath
 from pathlib import Path
@@ -253,7 +253,7 @@ def load(
         car = _from_file(Path(name)) if _is_file(name) else _packaged(fspath(name))
     if steering is not None:
         car = _with_steering(car, steering)
-    return _change(car, changes) if changes else car
+    return _change(*_contents(car), changes) if changes else car
 
 
 def _with_steering(car: Car, kind: str) -> Car:
@@ -270,22 +270,34 @@ def _with_steering(car: Car, kind: str) -> Car:
     return _packaged(counterpart)
 
 
-def _change(car: Car, changes: Mapping[str, Any]) -> Car:
-    """The car with other values of some keys, with a warning of what is unusual only since."""
-    data = car.data()
+def changer(car: Car) -> Callable[[Mapping[str, Any]], Car]:
+    """What makes a car with ``changes``, as :func:`load` does, of many of which its contents are read once."""
+    known = cache(partial(_contents, car))
+    return lambda changes: _change(*known(), changes) if changes else car
+
+
+def _contents(car: Car) -> tuple[dict[str, Any], list[str]]:
+    """The contents of a car, and what is unusual of it."""
+    return car.data(), plausible.unusual(car)
+
+
+def _change(known: Mapping[str, Any], usual_before: Sequence[str], changes: Mapping[str, Any]) -> Car:
+    """A car of known contents with other values of some keys, with a warning of what is unusual only since."""
+    kind = kinds.named(known)
+    data = {key: dict(value) if isinstance(value, dict) else value for key, value in known.items()}
     for name, value in changes.items():
         section, _, key = name.partition(".")
         if name in (*TEXTS, "assumed", "tyre", "strut"):
             data[name] = value
-        elif key and (section in TABLES or (section in OF_KINDS and section == car.kind)):
+        elif key and (section in TABLES or (section in OF_KINDS and section == kind)):
             data[section][key] = value
             if section in OF_KINDS and key == "boost" and "assist.boost" not in changes:
                 data["assist"].pop("boost", None)  # which is that of the kind at the column
         else:
-            sections = (*TABLES, *(name for name in OF_KINDS if name == car.kind))
+            sections = (*TABLES, *(name for name in OF_KINDS if name == kind))
             tables = ", ".join(f"{name}.KEY" for name in sections)
             raise ValueError(f"a car has no {name!r}; it has {tables}, {', '.join(TEXTS)}, assumed, tyre and strut")
-    changed, usual_before = _checked(data), plausible.unusual(car)
+    changed = _checked(data)
     for text in plausible.unusual(changed):
         if text not in usual_before:
             warn_once(f"car {changed.name}: {text}", plausible.UnusualCar, stacklevel=3)
