@@ -125,7 +125,7 @@ class SteerEnv(PlainSpecification, gym.Env):
     def _view_row(self) -> None:
         """Views of the only row of the batch."""
         self._observation = self.batch.arrays.observations[0]
-        self._result = self.batch.episodes[["reward", "cost", "failure", "terminated", "truncated"]]
+        self._result = self.batch.episodes[["reward", "terminated", "truncated"]]
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
@@ -143,7 +143,8 @@ class SteerEnv(PlainSpecification, gym.Env):
         if self._wrapper:
             self._wrapper.reset(ALL)
             observation = observed(self._wrapper, observation[None], ALL)[0]
-        return observation, self._infos.of_first(0.0, 0)
+        self.batch.tell(self._infos.told)
+        return observation, self._infos.of_first()
 
     def step(self, action: Any) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Hold an action in [-1, 1] for ``control_dt``; an action beyond is clipped, as a motor or an arm would do.
@@ -158,20 +159,18 @@ class SteerEnv(PlainSpecification, gym.Env):
         batch = self.batch
         if self._wrapper:
             action = self._wrapper.action(np.asarray(action)[None])[0]
-        if not isinstance(action, np.ndarray) or action.shape != (1,) or action.dtype.kind not in "fiu":
-            action = as_actions("action", action, (1,))
-        if not -1.0 <= action.item() <= 1.0:
-            action = clip_actions(action)
+        if not isinstance(action, np.ndarray) or action.shape != (1,) or action.dtype != np.float32:
+            action = clip_actions(as_actions("action", action, (1,)))
         if batch.over[0]:
+            clip_actions(action)
             raise RuntimeError("the episode is over or has not begun: call reset")
-        batch.step(action, (self.np_random,))
+        if batch.step(action, (self._np_random,), self._infos.told) < 0:
+            clip_actions(action)  # which says what is wrong
         result: Any = self._result.item()
-        reward, cost, failure, terminated, truncated = result
-        if terminated or truncated:
-            batch.over[0] = True
+        reward, terminated, truncated = result
         if self._renderer is not None:
             self._renderer.add()
-        observation, info = self._observation.copy(), self._infos.of_first(cost, failure)
+        observation, info = self._observation.copy(), self._infos.of_first()
         if self._wrapper:
             reward = float(self._wrapper.reward(np.array([reward]), info)[0])
             observation = observed(self._wrapper, observation[None], ALL)[0]

@@ -70,7 +70,7 @@ class SteerVectorEnv(PlainSpecification, VectorEnv):
     ) -> None:
         num_envs = whole("num_envs", num_envs, 1)
         self.render_mode, self.info_level = checked_mode(render_mode, VECTOR_MODES), checked_level(info_level)
-        self.num_envs = num_envs
+        self.num_envs, self._shape = num_envs, (num_envs, 1)
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         if threads is None:
             threads = min(most_threads(), -(-num_envs // ROWS_PER_THREAD))
@@ -118,7 +118,7 @@ class SteerVectorEnv(PlainSpecification, VectorEnv):
         new = mask | (self.batch.episodes["end"] == 0)
         self._seed([each if is_new else None for each, is_new in zip(seeds, new.tolist())])
         self._start(np.flatnonzero(mask).tolist(), chosen)
-        return self._observed(np.flatnonzero(mask)), self._infos.of_all(mask.copy())
+        return self._observed(np.flatnonzero(mask)), self._infos.of_all(self._told(), mask.copy())
 
     def _start(self, rows: list[int], options: dict[str, Any]) -> None:
         """Start an episode in some sub-environments."""
@@ -140,30 +140,40 @@ class SteerVectorEnv(PlainSpecification, VectorEnv):
         RuntimeError
             There was no ``reset`` yet, or an episode is over in DISABLED mode.
         """
-        batch, mode = self.batch, self.autoreset_mode
+        batch, over = self.batch, None
         if self._wrapper:
             actions = self._wrapper.action(np.asarray(actions))
-        actions = clip_actions(as_actions("actions", actions, (self.num_envs, 1)))
-        over = batch.over.copy()
-        ended = np.flatnonzero(over).tolist()
-        if ended and (mode == AutoresetMode.DISABLED or not batch.episodes["end"].any()):
-            raise RuntimeError("an episode is over or has not begun: call reset")
-        batch.step(actions[:, 0], self._generators)
-        self._start(ended, {})  # NEXT_STEP: this step resets, whatever the action was
-        for i in np.flatnonzero(~over).tolist() if self._renderers else ():
-            self._renderers[i].add()
-        rewards, terminated, truncated = (batch.episodes[key].copy() for key in ("reward", "terminated", "truncated"))
-        done = terminated | truncated
-        info = self._infos.of_all()
+        if not (type(actions) is np.ndarray and actions.shape == self._shape and actions.dtype == np.float32):
+            actions = clip_actions(as_actions("actions", actions, self._shape))
+        if np.count_nonzero(batch.over):
+            clip_actions(actions)
+            if self.autoreset_mode == AutoresetMode.DISABLED or not batch.episodes["end"].any():
+                raise RuntimeError("an episode is over or has not begun: call reset")
+            over = batch.over.copy()
+        told = self._infos.room()
+        ended = batch.step(actions, self._generators, told)
+        if ended < 0:
+            clip_actions(actions)  # which says what is wrong
+        if over is not None:  # NEXT_STEP: this step resets, whatever the action was
+            self._start(np.flatnonzero(over).tolist(), {})
+            batch.tell(told)
+        for i in range(self.num_envs) if self._renderers else ():
+            if over is None or not over[i]:
+                self._renderers[i].add()
+        rewards, terminated, truncated = (values.copy() for values in batch.results)
+        info = self._infos.of_all(told)
         if self._wrapper:
-            rewards = np.where(over, rewards, self._wrapper.reward(rewards, info))  # a step that resets has no reward
+            given = self._wrapper.reward(rewards, info)
+            rewards = given if over is None else np.where(over, rewards, given)  # a step that resets has no reward
         observations = self._observed()
-        if done.any():
-            batch.over |= done
-            if mode == AutoresetMode.SAME_STEP:  # the step that ends an episode resets at once
-                info = self._ended(done, info, observations)
-                observations = self._observed(np.flatnonzero(done))
+        if ended and self.autoreset_mode == AutoresetMode.SAME_STEP:  # the step that ends an episode resets at once
+            done = terminated | truncated
+            info = self._ended(done, info, observations)
+            observations = self._observed(np.flatnonzero(done))
         return observations, rewards, terminated, truncated, info
+
+    def _told(self) -> NDArray[np.float64]:
+        return self.batch.tell(self._infos.room())
 
     def _observed(self, rows: Rows = ALL) -> NDArray[np.float32]:
         """A copy of all observations, of which a wrapper sees those of some sub-environments anew."""
@@ -181,12 +191,10 @@ class SteerVectorEnv(PlainSpecification, VectorEnv):
         for i in rows:
             final[i] = observations[i].copy()
         self._start(rows, {})
-        return self._infos.of_all() | {
-            "final_obs": final,
-            "_final_obs": done.copy(),
-            "final_info": of_some(last, done.copy()),
-            "_final_info": done.copy(),
-        }
+        info = self._infos.of_all(self._told())
+        info["final_obs"], info["_final_obs"] = final, done.copy()
+        info["final_info"], info["_final_info"] = of_some(last, done.copy()), done.copy()
+        return info
 
     def _seed(self, seeds: list[int | None]) -> None:
         """Give sub-environments new generators by their seeds; None keeps the generator, if there is one."""

@@ -4,7 +4,7 @@ Kernels release the GIL, so no threading layer of numba is needed.
 """
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
 from functools import cache
@@ -40,28 +40,28 @@ def _libraries() -> Any:
 
 
 class ThreadPool:
-    """Runs work on slices of rows in ``threads`` threads, each of which takes up to ``at_once`` rows at a time.
+    """Runs work on slices of rows in ``threads`` threads.
 
     The threads belong to the process that started them; after a fork the child starts its own.
     """
 
-    def __init__(self, threads: int, at_once: int) -> None:
-        self._threads, self._at_once = threads, at_once
+    def __init__(self, threads: int) -> None:
+        self._threads = threads
         self._executor: ThreadPoolExecutor | None = None
         self._process = 0
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_executor": None, "_process": 0}  # a copy starts threads of its own
 
-    def run(self, n: int, work: Callable[[int, int], None]) -> None:
-        """Call ``work(low, high)`` until all ``n`` rows are done; the calling thread takes the first slice."""
-        first, *rest = _slices(n, self._threads, self._at_once)
-        if rest and self._process != os.getpid():  # threads do not survive a fork
+    def run(self, n: int, work: Callable[..., Any], *arguments: Any) -> list[Any]:
+        """Results of ``work(*arguments, low, high)`` for slices of ``n`` rows; the calling thread takes the first."""
+        first, *rest = _slices(n, self._threads)
+        if not rest:
+            return [work(*arguments, *first)]
+        if self._executor is None or self._process != os.getpid():  # threads do not survive a fork
             self._executor, self._process = ThreadPoolExecutor(self._threads - 1), os.getpid()
-        others = [self._executor.submit(_through, ranges, work) for ranges in rest if self._executor]
-        _through(first, work)
-        for other in others:
-            other.result()
+        others = [self._executor.submit(work, *arguments, *rows) for rows in rest]
+        return [work(*arguments, *first), *(other.result() for other in others)]
 
     def close(self) -> None:
         """Stop the threads."""
@@ -71,12 +71,6 @@ class ThreadPool:
 
 
 @cache
-def _slices(n: int, threads: int, at_once: int) -> list[list[tuple[int, int]]]:
+def _slices(n: int, threads: int) -> list[tuple[int, int]]:
     """Ranges of rows for each of at most so many threads."""
-    edges = [n * k // min(threads, n) for k in range(min(threads, n) + 1)]
-    return [list(pairwise([*range(low, high, at_once), high])) for low, high in pairwise(edges)]
-
-
-def _through(ranges: Iterable[tuple[int, int]], work: Callable[[int, int], None]) -> None:
-    for low, high in ranges:
-        work(low, high)
+    return list(pairwise(n * k // min(threads, n) for k in range(min(threads, n) + 1)))

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from steer_env.episode.timing import SAMPLES_PER_UPDATE
 from steer_env.friction.numerics.packing import common_columns, numbers, slices
 from steer_env.tasks.common.definition import COST_LIMIT, Task, by_name
 from steer_env.vehicle import plant
@@ -53,7 +54,7 @@ class BatchArrays(NamedTuple):
     """
 
     episodes: Any  # (n,) records of EPISODE
-    actions: NDArray[np.float32]  # (n,) of the present step, clipped to [-1, 1]
+    actions: NDArray[np.float32]  # (n,) as they are given
     plants: Array  # (n, K) numbers of each plant, as steer_env.friction.numerics.packing.numbers gives them
     states: Array  # (n, S)
     previous_states: Array  # (n, S) before the last round of samples
@@ -77,6 +78,8 @@ class BatchLayout(NamedTuple):
 
     control_dt: float  # [s]
     samples_per_step: int  # samples of 1 ms in a control step
+    rounds: int  # of a control step
+    samples_per_round: int
     time_limit: int  # samples after which every episode is truncated
     action_input: int  # place among the plant's inputs
     action_scale: float  # value of that input at action 1 [its unit]
@@ -110,11 +113,16 @@ def scores(task: Task, arrays: BatchArrays) -> Scores:
     )
 
 
-def allocate(task: Task, template: Plant, n: int, samples_per_round: int, delay_steps: int) -> BatchArrays:
+def samples_per_round(samples_per_step: int) -> int:
+    """Samples of 1 ms in a round: at most one update."""
+    return min(samples_per_step, SAMPLES_PER_UPDATE)
+
+
+def allocate(task: Task, template: Plant, n: int, samples: int, delay_steps: int) -> BatchArrays:
     """Arrays for ``n`` episodes of a task with plants of one kind.
 
-    ``delay_steps`` is the largest delay of the observation [control steps]. The arrays of the episodes' setups start
-    empty and grow with :func:`stored`.
+    ``samples`` are those of a control step, ``delay_steps`` the largest delay of the observation [control steps]. The
+    arrays of the episodes' setups start empty and grow with :func:`stored`.
     """
     states, channels = len(plant.states(template)), len(plant.channels(template))
     terms, observations = len(task.rewards) + len(task.costs), len(task.observed)
@@ -125,7 +133,7 @@ def allocate(task: Task, template: Plant, n: int, samples_per_round: int, delay_
         states=np.zeros((n, states)),
         previous_states=np.zeros((n, states)),
         finite=np.ones(n, bool),
-        inputs=np.zeros((n, samples_per_round, len(INPUTS))),
+        inputs=np.zeros((n, samples_per_round(samples), len(INPUTS))),
         channels=np.zeros((n, channels)),
         scripted_inputs=np.zeros((n, 2, len(task.scripted_inputs))),
         paths=np.zeros((n, 0, 4)),
@@ -151,6 +159,8 @@ def layout(
     return BatchLayout(
         control_dt=samples_per_step * SAMPLE_TIME,
         samples_per_step=samples_per_step,
+        rounds=samples_per_step // samples_per_round(samples_per_step),
+        samples_per_round=samples_per_round(samples_per_step),
         time_limit=np.iinfo(np.int64).max if steps is None else steps * samples_per_step,
         action_input=task.action.input,
         action_scale=task.action.scale,

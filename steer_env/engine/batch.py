@@ -1,11 +1,7 @@
 """Several episodes of one task at once: the common engine of the single and the vector environment.
 
-A row of the batch is one sub-environment: its plant, its episode's setup, and what the kernels remember. One step of
-all rows runs in compiled code without the GIL, so a plain thread pool can share them:
-
-    advance (scripted inputs and action, then the plant) -> evaluate (observations, reward terms, metrics)
-
-in rounds of at most one update of 10 ms; driver models act before each update. Each row draws from its own generator.
+A row of the batch is one sub-environment: its plant, its episode's setup, and what the kernels remember. A step of all
+rows is one call of :func:`steer_env.engine.kernels.step`, or one in each thread. Each row draws from its own generator.
 """
 
 import math
@@ -16,14 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env import drivers
+from steer_env.engine import kernels
 from steer_env.engine.arrays import EPISODE, allocate, layout, scores, stored
-from steer_env.engine.kernels import advance, advance_fours, evaluate
 from steer_env.engine.sensor_noise import SensorNoise
 from steer_env.episode.randomise import LIMITS, RANGES, SENSOR_NOISE, Conditions, Randomise, with_level
 from steer_env.episode.timing import SAMPLES_PER_UPDATE
 from steer_env.friction import sites
 from steer_env.friction.numerics.check import number, whole
 from steer_env.friction.numerics.frozen import frozen
+from steer_env.friction.numerics.held import NOTHING, Called, Holder, called
 from steer_env.friction.numerics.kernel import bind
 from steer_env.friction.numerics.packing import numbers, structure
 from steer_env.friction.numerics.thread_pool import ThreadPool
@@ -46,9 +43,6 @@ from steer_env.vehicle.steering.eps import SAMPLE_TIME
 Array = NDArray[np.float64]
 
 _POSE = ("x", "y", "yaw_angle")
-# Rows that go through all rounds of a control step together: 8 to 12 kB each, they stay in the cache of a processor's
-# core, from which 1,024 rows drive each other out.
-ROWS_AT_ONCE = 64
 
 
 class EnvironmentBatch:
@@ -79,6 +73,8 @@ class EnvironmentBatch:
         Progress of the episodes; the same memory as ``arrays.episodes``.
     over : (n,) array of bool
         Whether the episode is over or has not begun.
+    results : tuple of (n,) array
+        Reward of the last step, and whether it terminated and truncated the episode; views of ``episodes``.
     conditions : list of Conditions
         What was drawn for each episode.
     condition_names : tuple of str
@@ -114,8 +110,6 @@ class EnvironmentBatch:
         if driver is not None and not task.driver_in_loop:
             raise ValueError(f"{task.name} has no driver model in its loop, so it takes no driver, got {driver!r}")
         self.control_dt, samples = _checked_control_dt(task.control_dt if control_dt is None else control_dt)
-        self._samples_per_round = min(samples, SAMPLES_PER_UPDATE)
-        self._rounds = samples // self._samples_per_round
         limits = task.speed_limits(self.chassis)
         if task.draw_scenario is not None:
             if speed is not None or "speed" in (randomise or {}):
@@ -143,9 +137,7 @@ class EnvironmentBatch:
         self._pose_states = [self.states.index(name) for name in _POSE]
         self._pose_channels = [plant.CHANNEL[name] for name in _POSE]
         delay_steps = round(LIMITS["delay"][1] / self.control_dt)
-        self.arrays = allocate(task, template, n, self._samples_per_round, delay_steps)
-        self.episodes = self.arrays.episodes.view(EPISODE, np.ndarray)
-        self._scores = scores(task, self.arrays)
+        self.arrays = allocate(task, template, n, samples, delay_steps)
         self.observation_scale = _scales(task, normalise)
         of_rewards = np.array(list(weights_of.values()))
         self._layout = layout(task, template, samples, of_rewards, self.observation_scale, max_episode_steps)
@@ -155,39 +147,65 @@ class EnvironmentBatch:
         self.condition_names = (*self._randomise.names, *(["scenario"] if task.draw_scenario else []))
         self.condition_values = np.zeros((n, len(self.condition_names)))
         self.condition_values[:, : len(self._randomise.names)] = usual.values(self._randomise.names)
+        self.untold = np.empty((0, n))
         self.noise = SensorNoise(n, np.array([SENSOR_NOISE.get(quantity.name, 0.0) for quantity in self.observed]))
+        self.drivers: drivers.DriverBatch | None = None
         self._bind()
-        self._pool = ThreadPool(whole("threads", threads, 1), ROWS_AT_ONCE)
+        self._pool = ThreadPool(whole("threads", threads, 1))
         own = numbers(template)
         states, channels, straight = self._settled(own[None])
         self._usual_start, self._straight = (own, states[0], channels[0]), bool(straight[0])
-        self.drivers = (
-            drivers.DriverBatch(self.driver, self.car, n, self.steering_response, usual) if self.driver else None
-        )
+        if self.driver:
+            self.drivers = drivers.DriverBatch(self.driver, self.car, n, self.steering_response, usual)
 
     def _bind(self) -> None:
-        """Look up the compiled kernels for the types of the arrays."""
+        """Views of the arrays, and the compiled kernels for their types."""
         a, at = self.arrays, self._layout
+        self.episodes = a.episodes.view(EPISODE, np.ndarray)
+        self.results = self.episodes["reward"], self.episodes["terminated"], self.episodes["truncated"]
+        self._given = a.actions[:, None]
         fours = self.n >= 4 and plant.side_by_side(self._template)
         drawn = (self._template.friction, *(corner.friction for corner in self._randomise.corners))
         most = max(drawn, key=sites.active)  # a site may be without friction where nothing is drawn
         self._outline = structure(plant.bound(self._template._replace(friction=most), wide=fours))
-        self._advance = bind(advance_fours if fours else advance, a, at, self._outline, True, True, 0, self.n)
+        self._hold_plants = Holder(a, at, self._outline)
+        self._advance_kernel = kernels.advance_fours if fours else kernels.advance
+        self._advance = bind(self._advance_kernel, self._hold_plants(a, at, self._outline), kernels.GIVEN, 0, self.n)
         begin = plant.begin_fours if fours else plant.begin_rows
         self._begin = bind(begin, self._outline, a.plants, a.states, np.zeros(self.n, int), 0, self.n)
-        self._evaluate = bind(evaluate, a, self._scores, at, self.task.parameters, 0, True, 0, self.n)
+        self._hold_rows = Holder(*self._of_rows(NOTHING, NOTHING))
+        self._held_of: Any = ()
+        self._hold()
+        self._step = bind(kernels.step, self._held_rows, kernels.STEP, self.untold, 0, self.n)
+
+    def _of_rows(self, of_drivers: Called, cars: Called) -> tuple[Any, ...]:
+        """What the kernel ``step`` takes."""
+        a = self.arrays
+        own = a, scores(self.task, a), self._layout, self.task.parameters, self.over, self.condition_values
+        return (*own, of_drivers, cars)
+
+    def _hold(self) -> None:
+        """Put the arrays where the kernels find them, if one was replaced since."""
+        a, of_drivers = self.arrays, self.drivers and self.drivers.arrays
+        if self._held_of and self._held_of[0] is a and self._held_of[1] is of_drivers:
+            return
+        self._held_of = a, of_drivers
+        self._held_plants = self._hold_plants(a, self._layout, self._outline)
+        acts = NOTHING
+        if self.drivers is not None:
+            acts = self.drivers.called(a.episodes, a.channels, a.task_observations, a.scripted_inputs)
+        self._held_rows = self._hold_rows(*self._of_rows(acts, called(self._advance_kernel, self._held_plants)))
 
     def __getstate__(self) -> dict[str, Any]:
-        # Compiled functions cannot be pickled, and the episodes and scores are other views of their arrays.
-        left_out = ("_advance", "_begin", "_evaluate", "episodes", "_scores", "_outline")
-        return {key: value for key, value in self.__dict__.items() if key not in left_out}
+        # Addresses and compiled functions stay in their process, and some arrays are views of others.
+        left_out = ("_advance", "_advance_kernel", "_begin", "_step", "episodes", "results", "_given", "_outline")
+        held = ("_hold_plants", "_hold_rows", "_held_of", "_held_plants", "_held_rows")
+        return {key: value for key, value in self.__dict__.items() if key not in (*left_out, *held)}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         # A copied array can be written to, which is another type to a kernel.
         self._free, self._template = frozen(self._free), frozen(self._template)
-        self.episodes = self.arrays.episodes.view(EPISODE, np.ndarray)
-        self._scores = scores(self.task, self.arrays)
         self._bind()
 
     def _plant(self, drawn: Conditions, robot: bool, driver: drivers.Driver | None = None) -> plant.Plant:
@@ -210,7 +228,7 @@ class EnvironmentBatch:
             a = self.arrays._replace(
                 plants=own[None], states=state[None], inputs=inputs[None], channels=channels, finite=finite
             )
-            self._advance(a, self._layout, self._outline, False, False, 0, 1)
+            self._advance(self._hold_plants(a, self._layout, self._outline), kernels.GIVEN, 0, 1)
 
         return run
 
@@ -227,13 +245,13 @@ class EnvironmentBatch:
             channels=np.zeros((k, given.channels.shape[1])),
             finite=np.ones(k, bool),
         )
-        samples = np.zeros(k, int)
+        samples, held = np.zeros(k, int), self._hold_plants(a, self._layout, self._outline)
 
         def settle(low: int, high: int) -> None:
             self._begin(self._outline, a.plants, a.states, samples, low, high)
             for i in range(low, high):
                 for _ in range(samples[i] // plant.SETTLING):
-                    self._advance(a, self._layout, self._outline, False, False, i, i + 1)
+                    self._advance(held, kernels.GIVEN, i, i + 1)
 
         self._pool.run(k, settle)
         plant.start_line(self._template, a.states, a.channels)
@@ -269,10 +287,8 @@ class EnvironmentBatch:
             if self.drivers is not None and self.episodes["driven"][i]:
                 self.drivers.start(i, drawn)
             a.noise[i] = self.noise.begin(i, drawn.sensor_noise, generators[i])
-            self._evaluate(a, self._scores, self._layout, self.task.parameters, 0, True, i, i + 1)
-            past = a.past_observations
-            past[i] = past[i, self.episodes["latest"][i]]  # a delayed observation shows the start until newer ones come
-            a.observations[i] = past[i, 0] / self.observation_scale
+            self._hold()
+            self._step(self._held_rows, kernels.BEGIN, self.untold, i, i + 1)
 
     def _draw(
         self, i: int, rng: np.random.Generator, options: Mapping[str, Any]
@@ -342,28 +358,31 @@ class EnvironmentBatch:
         same = drawn.same_motion(usual) if self._straight else drawn.same_plant(usual)
         return self.task.draw_scenario is None and same
 
-    def step(self, actions: NDArray[np.float32], generators: Sequence[np.random.Generator]) -> None:
-        """Hold the clipped actions (n,) for ``control_dt`` in every row.
+    def step(self, actions: NDArray[Any], generators: Sequence[Any], told: Array) -> int:
+        """Hold actions (n, 1), clipped to [-1, 1], for ``control_dt`` in every row.
 
-        The results are in ``arrays`` and ``episodes``. A row whose episode is over is advanced as
-        well, but its results have no meaning, and it draws nothing from its generator.
+        The results are in ``arrays``, ``episodes`` and ``told``. A row whose episode is over is advanced as well, but
+        its results have no meaning, and it draws nothing from its generator.
+
+        Returns
+        -------
+        int
+            How many episodes ended, which are over now; or below zero where an action is not finite, and nothing was
+            done.
         """
-        self.arrays.actions[:] = actions
+        self._given[...] = actions
         if self.noise.noisy:
+            if not np.isfinite(self._given).all():
+                return -1
             self.noise.advance(~self.over, generators, self.arrays.noise)
-        self._pool.run(self.n, self._step_rows)
+        self._hold()
+        return sum(self._pool.run(self.n, self._step, self._held_rows, kernels.STEP, told))
 
-    def _step_rows(self, low: int, high: int) -> None:
-        a, last = self.arrays, self._rounds - 1
-        for k in range(self._rounds):
-            if self.drivers is not None:
-                self.drivers.write_hand_torque(
-                    a.episodes, a.channels, a.task_observations, a.scripted_inputs, low, high
-                )
-            self._advance(a, self._layout, self._outline, True, k == 0, low, high)
-            self._evaluate(
-                a, self._scores, self._layout, self.task.parameters, self._samples_per_round, k == last, low, high
-            )
+    def tell(self, told: Array) -> Array:
+        """Write what infos are made of, as :func:`steer_env.engine.kernels.step` does, and return it."""
+        self._hold()
+        self._step(self._held_rows, kernels.TELL, told, 0, self.n)
+        return told
 
     def failure_text(self, code: Any) -> str:
         """A failure in words, empty for 0; that of a state names those of the rows that failed so in the last step.
@@ -384,7 +403,7 @@ class EnvironmentBatch:
         """Repeat the last round of row ``i``, sample by sample; a run is reproducible to the bit."""
         a, row = self.arrays, slice(i, i + 1)
         state, channels, run = a.previous_states[i].copy(), a.channels[row].copy(), self._runner(a.plants[i])
-        for k in range(self._samples_per_round):
+        for k in range(self._layout.samples_per_round):
             run(None, state, a.inputs[i, k : k + 1], channels, 1)
             bad = np.flatnonzero(~np.isfinite(state))
             if bad.size:

@@ -1,12 +1,18 @@
 """The compiled parts of a step: inputs of the plant, rewards and metrics, observation.
 
-Every kernel takes the arrays of a batch, its layout, and the rows ``low`` to ``high`` - 1 that it works on.
+A step of all rows runs in compiled code without the GIL, so plain threads can share them:
+
+    advance (scripted inputs and action, then the plant) -> evaluate (observations, reward terms, metrics)
+
+in rounds of at most one update of 10 ms; driver models act before each update. Every kernel works on the rows ``low``
+to ``high`` - 1.
 """
 
 import math
 
 from steer_env.episode.timing import SAMPLES_PER_UPDATE, UPDATE_INTERVAL
 from steer_env.friction.numerics.bounds import within
+from steer_env.friction.numerics.held import call, held
 from steer_env.friction.numerics.interpolation import hermite
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.tasks.common import definition as tasks
@@ -14,6 +20,12 @@ from steer_env.tasks.common.definition import GOES_ON, NON_FINITE, PEAK, RMS, RO
 from steer_env.vehicle import plant
 from steer_env.vehicle.chassis.common.interface import HAND, HAND_SPEED
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
+
+# Rows that go through all rounds of a control step together: 8 to 12 kB each, they stay in the cache of a processor's
+# core, from which 1,024 rows drive each other out.
+ROWS_AT_ONCE = 64
+STEP, BEGIN, TELL = range(3)  # what :func:`step` does
+FIRST, LATER, GIVEN = range(3)  # inputs of :func:`advance`: of the first round of a control step, of a later one, given
 
 OVERTURNS = 1.0  # roll angle beyond which a car is taken to overturn [rad]
 SLOW = 3.0  # forward speed below which a car that slides sideways has not spun out; assumed [m/s]
@@ -23,26 +35,28 @@ _ROLL = plant.CHANNEL["roll_angle"]
 
 
 @kernel
-def advance(arrays, layout, template, fills, begins, low, high):
-    """Fill the plant's inputs for the coming samples where it ``fills`` them, and advance the plant by these.
+def advance(arguments, what, low, high):
+    """Fill the plant's inputs for the coming samples unless they are ``GIVEN``, and advance the plant by these.
 
-    One call does both, as handing over the arrays from Python takes three times as long as filling the inputs of a row.
-    Evaluation, which depends on the task, stands apart, so that the plant is compiled once for all tasks.
+    ``arguments`` are the arrays, the layout and the outline of a plant. Evaluation, which depends on the task, calls
+    this by address, so that the plant is compiled once for all tasks.
     """
-    if fills:
-        _fill_inputs(arrays, layout, begins, low, high)
+    arrays, layout, outline = held(arguments)
+    if what != GIVEN:
+        _fill_inputs(arrays, layout, what == FIRST, low, high)
     plant.run_rows(
-        template, arrays.plants, arrays.states, arrays.inputs, arrays.channels, arrays.finite, low, high
+        outline, arrays.plants, arrays.states, arrays.inputs, arrays.channels, arrays.finite, low, high
     )  # fmt: skip
 
 
 @kernel
-def advance_fours(arrays, layout, template, fills, begins, low, high):
+def advance_fours(arguments, what, low, high):
     """As :func:`advance`, to the bit, with rows side by side (:func:`steer_env.vehicle.plant.run_fours`)."""
-    if fills:
-        _fill_inputs(arrays, layout, begins, low, high)
+    arrays, layout, outline = held(arguments)
+    if what != GIVEN:
+        _fill_inputs(arrays, layout, what == FIRST, low, high)
     plant.run_fours(
-        template, layout.common, arrays.plants, arrays.states, arrays.inputs, arrays.channels, arrays.finite, low, high
+        outline, layout.common, arrays.plants, arrays.states, arrays.inputs, arrays.channels, arrays.finite, low, high
     )  # fmt: skip
 
 
@@ -57,7 +71,7 @@ def _fill_inputs(arrays, layout, begins, low, high):
     for i in range(low, high):
         episode = arrays.episodes[i]
         if begins:
-            episode.last_action, episode.action = episode.action, arrays.actions[i]
+            episode.last_action, episode.action = episode.action, within(arrays.actions[i], -1.0, 1.0)
             episode.action_rate = (episode.action - episode.last_action) / layout.control_dt
             episode.terminated, episode.failure = False, 0
             for k in range(arrays.terms.shape[1]):
@@ -109,12 +123,79 @@ def _interpolate(scripted, start, end, s, robot, u):
 
 
 @kernel
-def evaluate(arrays, scores, layout, parameters, samples, ends, low, high):
+def step(arguments, what, told, low, high):
+    """Take rows through a control step, begin their episodes (``BEGIN``), or ``TELL`` what infos are made of.
+
+    Parameters
+    ----------
+    arguments : of :class:`steer_env.friction.numerics.held.Holder`
+        Arrays, scores, layout, the task's parameters, whether each episode is over (n,), its conditions (n, D), and the
+        kernels of drivers and plant as ``Called``.
+    what : {STEP, BEGIN, TELL}
+    told : (K, n) array
+        Receives channels, terms, metrics, cost, failure and conditions of the rows; (0, n) for nothing.
+
+    Returns
+    -------
+    int
+        How many episodes the step ended, which are over then; or -1 where an action of any row is not finite, and
+        nothing was done.
+    """
+    arrays, scores, layout, parameters, over, conditions, drivers, cars = held(arguments)
+    if what == STEP:
+        for i in range(arrays.actions.size):
+            if not abs(arrays.actions[i]) < math.inf:
+                return -1
+    rounds = 0 if what == TELL else layout.rounds if what == STEP else 1
+    ended = 0
+    for first in range(low, high, ROWS_AT_ONCE):
+        last = min(first + ROWS_AT_ONCE, high)
+        for k in range(rounds):
+            if what == STEP:
+                if drivers.function != 0:
+                    call(drivers.function, drivers.arguments, 0, first, last)
+                call(cars.function, cars.arguments, FIRST if k == 0 else LATER, first, last)
+            samples = layout.samples_per_round if what == STEP else 0
+            _evaluate(arrays, scores, layout, parameters, samples, k == rounds - 1, what == BEGIN, first, last)
+        if what == STEP:
+            ended += _end(arrays.episodes, over, first, last)
+        if told.shape[0] > 0:
+            _tell(arrays, conditions, told, first, last)
+    return ended
+
+
+@kernel
+def _end(episodes, over, low, high):
+    """Note whose episodes ended in a step, and count them."""
+    ended = 0
+    for i in range(low, high):
+        if not over[i] and (episodes[i].terminated or episodes[i].truncated):
+            over[i] = True
+            ended += 1
+    return ended
+
+
+@kernel
+def _tell(arrays, conditions, told, low, high):
+    """Write what infos are made of, in the order of :func:`step`."""
+    for i in range(low, high):
+        n, episode = 0, arrays.episodes[i]
+        for values in (arrays.channels[i], arrays.terms[i], arrays.metrics[i, 2]):
+            for k in range(values.size):
+                told[n + k, i] = values[k]
+            n += values.size
+        told[n, i], told[n + 1, i] = episode.cost, episode.failure
+        for k in range(conditions.shape[1]):
+            told[n + 2 + k, i] = conditions[i, k]
+
+
+@kernel
+def _evaluate(arrays, scores, layout, parameters, samples, ends, begins, low, high):
     """Advance the time by ``samples``, observe, and evaluate; the last call of a control step (``ends``) finishes it.
 
     ``parameters`` are the task's; their class selects its kernels, which write the ``scores`` by name. Rows whose
     episode has ended or whose state is not finite are not evaluated. With no samples, only the observations are
-    updated.
+    updated; where an episode ``begins``, a delayed observation shows its start until newer ones come.
     """
     dt = samples * SAMPLE_TIME
     for i in range(low, high):
@@ -137,12 +218,17 @@ def evaluate(arrays, scores, layout, parameters, samples, ends, low, high):
         if ends:
             _finish_step(layout, episode, channels, arrays.finite[i], arrays.terms[i])
             _conclude(layout.metric_kinds, episode.evaluated * SAMPLE_TIME, arrays.metrics[i, 1], arrays.metrics[i, 2])
-            _observe(layout, episode, channels, observed, arrays.noise[i], arrays.past_observations[i])
-            delayed = (episode.latest - episode.delay) % arrays.past_observations.shape[1]
+            past = arrays.past_observations[i]
+            _observe(layout, episode, channels, observed, arrays.noise[i], past)
+            if begins:
+                for j in range(past.shape[0]):
+                    for k in range(past.shape[1]):
+                        past[j, k] = past[episode.latest, k]
+            delayed = (episode.latest - episode.delay) % past.shape[0]
             for k in range(layout.bounds.size):
-                arrays.observations[i, k] = arrays.past_observations[i, delayed, k] / layout.scales[k]
+                arrays.observations[i, k] = past[delayed, k] / layout.scales[k]
             own = layout.observed_channels.size + 1  # a controller knows its last action without delay
-            arrays.observations[i, own] = arrays.past_observations[i, episode.latest, own] / layout.scales[own]
+            arrays.observations[i, own] = past[episode.latest, own] / layout.scales[own]
 
 
 @kernel

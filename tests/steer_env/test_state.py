@@ -14,7 +14,7 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 from steer_env import friction
-from steer_env.engine.kernels import advance, evaluate
+from steer_env.engine.kernels import advance, step
 from steer_env.friction.numerics.kernel import COMPILED
 from steer_env.registration import DRIVEN
 from steer_env.vehicle import road
@@ -197,11 +197,11 @@ def test_a_copy_compiles_nothing():
     arguments = {"friction": "masing", "chassis": "two_track", "road": road.iso8608(1, "B")}
     env = gym.make("steer_env/AssistLaneChange-v3", **arguments)
     env.reset(seed=0)
-    compiled = [len(kernel.overloads) for kernel in (advance, evaluate)]
+    compiled = [len(kernel.overloads) for kernel in (advance, step)]
     other = by_pickle(env, None)
     assert equal(go_on(env, 20), go_on(other, 20))
     assert equal(env.reset(seed=1), other.reset(seed=1))
-    assert [len(kernel.overloads) for kernel in (advance, evaluate)] == compiled
+    assert [len(kernel.overloads) for kernel in (advance, step)] == compiled
     assert other.unwrapped.task is env.unwrapped.batch.task is other.unwrapped.batch.task
 
 

@@ -11,8 +11,8 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 from steer_env.drivers import Controller
-from steer_env.engine.batch import ROWS_AT_ONCE
 from steer_env.engine.infos import row
+from steer_env.engine.kernels import ROWS_AT_ONCE
 from steer_env.registration import DRIVEN
 from tests.steer_env.test_state import equal
 

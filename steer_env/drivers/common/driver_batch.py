@@ -1,6 +1,5 @@
 """Several drivers at once: in the loop of environments, or as the environment's controllers."""
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,7 +22,8 @@ from steer_env.drivers.common.known_torque import Response, known_torque
 from steer_env.episode.randomise import Conditions
 from steer_env.episode.timing import SAMPLES_PER_UPDATE, UPDATE_INTERVAL
 from steer_env.friction.numerics.bounds import within
-from steer_env.friction.numerics.kernel import bind, kernel
+from steer_env.friction.numerics.held import Called, Holder, called, held
+from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.plant import CHANNEL, Plant
 
@@ -59,12 +59,13 @@ def _given_torque(feed_forward, intended, lateral_speed, yaw_rate):
 
 
 @kernel
-def _write_hand_torque(preview_model, drivers, arm, episodes, channels, observations, inputs, low, high):
-    """Write the next update's hand torque in the driven rows that are at an update.
+def write_hand_torque(arguments, what, low, high):
+    """Write the next update's hand torque in the driven rows that are at an update, as the first scripted input.
 
     It is without the arms' impedance to the handwheel, which is in the plant, but limited so that both together are at
-    most ``TORQUE_LIMIT`` if the handwheel moves on as it does.
+    most ``TORQUE_LIMIT`` if the handwheel moves on as it does. ``arguments`` are those of :meth:`DriverBatch.called`.
     """
+    preview_model, drivers, arm, episodes, channels, observations, inputs = held(arguments)
     for i in range(low, high):
         sample = episodes[i].sample
         if sample % SAMPLES_PER_UPDATE != 0 or episodes[i].driven == 0:
@@ -137,10 +138,10 @@ class DriverBatch:
         self.arrays = DriverArrays(
             np.zeros((n, 0)), muscle_matrices(), np.zeros((n, 5)), np.zeros((n, MEMORY + OWN_MEMORY))
         )
-        self._kernel: Callable[..., None] | None = None
+        self._holder: Holder | None = None
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_kernel": None}  # a compiled function cannot be pickled; it is looked up again
+        return {**self.__dict__, "_holder": None, "_held": None}  # addresses stay in their process
 
     def size_gains(self, size: int) -> None:
         """Make room for the gains of the preview model, whose number the first design tells."""
@@ -178,27 +179,16 @@ class DriverBatch:
         inertia = arm.inertia if self._updates is None else 0.0
         return gains, needed + np.array([arm.stiffness, arm.damping, inertia, 0.0, 0.0])
 
-    def write_hand_torque(
-        self, episodes: Any, channels: Array, observations: Array, inputs: Array, low: int, high: int
-    ) -> None:
-        """In the loop: write the hand torque of the next update as the first of the scripted ``inputs`` (n, U, M).
+    def called(self, episodes: Any, channels: Array, observations: Array, inputs: Array) -> Called:
+        """In the loop: what writes hand torques into the scripted ``inputs`` (n, U, M).
 
-        The arrays are those of :class:`steer_env.engine.arrays.BatchArrays`; the rows are ``low`` to ``high`` - 1.
+        The arrays are those of :class:`steer_env.engine.arrays.BatchArrays`.
         """
-        arguments = (
-            self.driver.preview_model,
-            self.arrays,
-            self.arm,
-            episodes,
-            channels,
-            observations,
-            inputs,
-            low,
-            high,
-        )
-        if self._kernel is None:
-            self._kernel = bind(_write_hand_torque, *arguments)
-        self._kernel(*arguments)
+        model, own, arm = self.driver.preview_model, self.arrays, self.arm
+        arguments = model, own, arm, episodes, channels, observations, inputs
+        self._holder = self._holder or Holder(*arguments)
+        self._held = self._holder(*arguments)
+        return called(write_hand_torque, self._held)
 
     def torque(self, motion: Array, paths: Array) -> Array:
         """As controllers: the hand torque (n,) at the next decision [N m].
