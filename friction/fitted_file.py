@@ -57,7 +57,7 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
     undetermined = data.get("undetermined") or ()
     if not isinstance(undetermined, list | tuple):
         raise ValueError(f"{path}: undetermined must be a list of parameters, got {undetermined!r}")
-    unsure = _level_of(law, undetermined)
+    unsure = _undetermined_levels(law, undetermined)
     if unsure:
         warnings.warn(
             f"{path}: the record does not determine the level of this friction ({', '.join(unsure)}), which may be far "
@@ -97,7 +97,7 @@ def _mapping(path: Any, data: Mapping[str, Any], key: str) -> Mapping[str, Any]:
     return value
 
 
-def _level_of(law: Mapping[str, Any], undetermined: Sequence[str]) -> list[str]:
+def _undetermined_levels(law: Mapping[str, Any], undetermined: Sequence[str]) -> list[str]:
     """What the record leaves open of the saturated torque; a break-away that equals the sliding torque is neutral."""
     names = [name for name in ("F_c", "F_s") if name in undetermined and name in law]
     return [f"{name} {law[name]} N m" for name in names if name == "F_c" or law[name] != law.get("F_c")]

@@ -64,7 +64,7 @@ class Law(NamedTuple):
     rest_torque: Callable  # (p, torque_scale, memory, h) -> mean torque of a step at rest, which decides its side [N m]
 
 
-TEXT = "LAW[,key=value...], a list of numbers as a:b:c, or a fitted FILE.json"  # a law as text
+LAW_SYNTAX = "LAW[,key=value...], a list of numbers as a:b:c, or a fitted FILE.json"  # a law as text
 EXAMPLE = {"law": "lugre", "F_c": 1.2}  # a law as a mapping
 LAWS: Registry[Law] = Registry("friction law", "steer_env.friction.models")
 
@@ -202,12 +202,12 @@ def register(
         extends=extends,
         **functions,
     )
-    if not parameters.__module__.startswith(_OWN):
+    if not parameters.__module__.startswith(_PACKAGED_MODULES):
         _try(law, given)
     LAWS.register(name, law, parameters)
 
 
-_OWN = "steer_env.friction.models."  # modules of the laws that come with the package, which its tests try
+_PACKAGED_MODULES = "steer_env.friction.models."  # modules of the laws that come with the package, which its tests try
 _ARGUMENTS = {  # of the functions of a law, as :func:`register` describes them; what is at rest comes first
     "rest": "p, memory",
     "torque": "p, torque_scale, memory, w",
@@ -393,7 +393,7 @@ def parts(friction: Any) -> tuple[str, dict[str, Any]]:
         for pair in pairs:
             key, equals, value = pair.partition("=")
             if not equals or key in given:
-                raise ValueError(f"expected {TEXT}, each key once, got {friction!r}")
+                raise ValueError(f"expected {LAW_SYNTAX}, each key once, got {friction!r}")
             given[key] = value.split(":") if ":" in value else read_number(value)
         return name, given
     if isinstance(friction, Mapping) and "law" in friction:

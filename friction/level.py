@@ -61,13 +61,13 @@ class Scales(NamedTuple):
     negative: float  # L_- [1]
 
 
-MOST = 0.9  # of a relative increase, so that some friction is left where it decreases; assumed [1]
+LARGEST_INCREASE = 0.9  # of a relative increase, so that some friction is left where it decreases; assumed [1]
 UNCUT = 1e15  # scale with which no memory is cut back [1]
 LIMITS = {  # (low, high), so that both directions keep some friction and the exponential stays a moderate factor
-    "asymmetry": (-MOST, MOST),  # [1]
+    "asymmetry": (-LARGEST_INCREASE, LARGEST_INCREASE),  # [1]
     "temperature_rate": (-0.05, 0.05),  # [1/K]
     "temperature_rise": (-100.0, 100.0),  # [K]
-    "position": (-MOST, MOST),  # [1]
+    "position": (-LARGEST_INCREASE, LARGEST_INCREASE),  # [1]
     "order": (0.01, 1000.0),  # [1]
     "peak": (-100.0, 100.0),  # [rad]
 }
@@ -111,7 +111,10 @@ def scales(level, base, load, x):
     Beyond :data:`LIMITS`, as a parameter of an exported unit may be, position and asymmetry count as at their limits: a
     negative level would drive the steering.
     """
-    position, asymmetry = within(level.position, -MOST, MOST), within(level.asymmetry, -MOST, MOST)
+    position, asymmetry = (
+        within(level.position, -LARGEST_INCREASE, LARGEST_INCREASE),
+        within(level.asymmetry, -LARGEST_INCREASE, LARGEST_INCREASE),
+    )
     L = base * (1.0 + level.load * abs(load))  # (F11)
     if any_of(position != 0.0):
         L *= 1.0 + position * math.cos(level.order * (x - level.peak))  # (F11)

@@ -49,16 +49,16 @@ from steer_env.friction.numerics.check import construct, not_negative, one_of
 from steer_env.friction.numerics.kernel import COMPILED, dispatch, kernel
 from steer_env.friction.numerics.packing import of_row
 from steer_env.friction.numerics.simd import all_of, any_of, invert, maximum, where
-from steer_env.friction.numerics.units import Part, address_of, between, cell
+from steer_env.friction.numerics.units import Part, address_of, table_cell, table_slice
 from steer_env.friction.unit import scale_at_rest, step
 
 NOTHING = {"law": "viscous", "sigma_2": 0.0}
 ABOVE, BELOW = "upper_column", ("lower_column", "gear", "rack", "motor")
 # Also in the options of pages.
-TEXT = "LAW[,key=value...]@SITE, several joined by +; @column_eps and @rack_eps are all sites of that steering"
-MOST = 1 + len(BELOW)  # sites
+SITES_SYNTAX = "LAW[,key=value...]@SITE, several joined by +; @column_eps and @rack_eps are all sites of that steering"
+MOST_SITES = 1 + len(BELOW)  # sites
 MOST_ROUNDS, WITH_SLOPE = 50, 8
-LEAST = 1e-6  # sliding torque that can grow, assumed [N m]
+LEAST_SLIDING_TORQUE = 1e-6  # sliding torque that can grow, assumed [N m]
 CLOSE = 1e-15  # of the torque that an error of w1 adds to the second equation, over its terms [1]
 
 
@@ -134,13 +134,13 @@ class Equations(NamedTuple):
 
 def law_at(p, i):
     """The law of a site of a :class:`Bound`."""
-    return of_row(p.at.addresses[i], p.numbers[None, cell(p.at.places, i, 0) :], 0)
+    return of_row(p.at.addresses[i], p.numbers[None, table_cell(p.at.places, i, 0) :], 0)
 
 
 @kernel
 def _law_at(p, i):
     return Part(
-        address_of(p.at.addresses, i), address_of(p.numbers, cell(p.at.places, i, 0)), address_of(p.at.sizes, i)
+        address_of(p.at.addresses, i), address_of(p.numbers, table_cell(p.at.places, i, 0)), address_of(p.at.sizes, i)
     )
 
 
@@ -177,8 +177,8 @@ def joint(p, scales, memory, equations, w1, w2, led):
         R2 += K * w1 if led else K / a * R1  # (C5)
         w2, T = step(law_at(p, 0), Scales(scales[0], scales[1]), memory, S, R2, h, w2)
         return w1 if led else (R1 + K * w2) / a, w2, 0.0 * a, T  # (C7)
-    holds, torques = scratch.like(memory, MOST), scratch.like(memory, MOST)
-    L, taken = scratch.like(memory, MOST), scratch.like(memory, MOST)
+    holds, torques = scratch.like(memory, MOST_SITES), scratch.like(memory, MOST_SITES)
+    L, taken = scratch.like(memory, MOST_SITES), scratch.like(memory, MOST_SITES)
     rest = Rest(holds, torques, _rest_torque_below(p, scales, memory, h, holds, torques))
     for i in range(p.at.above, p.at.places.shape[0]):
         L[i] = holds[i]
@@ -188,7 +188,7 @@ def joint(p, scales, memory, equations, w1, w2, led):
         R = where(led, math.copysign(math.inf, w1), R1 + K * w2)
         w, slope = R / a, 0.0  # (F43) without friction above
         if p.at.above:
-            law, own = law_at(p, 0), between(memory, p.at.places, 0, 2)
+            law, own = law_at(p, 0), table_slice(memory, p.at.places, 0, 2)
             scale = where(going, choose_scale(law, Scales(scales[0], scales[1]), own, R, h), scale)  # (F11)
             if not led:
                 w = solve(law, scale, own, a, R, h, expected)  # (F43)
@@ -203,7 +203,7 @@ def joint(p, scales, memory, equations, w1, w2, led):
         if not led:
             whole = a
             if p.at.above:
-                whole += mean_torque(law_at(p, 0), scale, between(memory, p.at.places, 0, 2), w1, h)[1]
+                whole += mean_torque(law_at(p, 0), scale, table_slice(memory, p.at.places, 0, 2), w1, h)[1]
             slope = where((w1 != 0.0) & (i < WITH_SLOPE), K / whole, 0.0)
         R = R2 + K * (w1 - slope * w2)
         w = _solve_below(p, scales, rest, memory, S - K * slope, R, h, w2, taken)
@@ -215,14 +215,14 @@ def joint(p, scales, memory, equations, w1, w2, led):
             break
     T_above = 0.0 * a if led else R1 + K * w2 - a * w1
     if p.at.above:
-        law, own = law_at(p, 0), between(memory, p.at.places, 0, 2)
+        law, own = law_at(p, 0), table_slice(memory, p.at.places, 0, 2)
         if led:
             T_above, _ = mean_torque(law, scale, own, w1, h)
             if any_of(w1 == 0.0):
                 T_above = where(w1 != 0.0, T_above, rest_torque(law, scale, own, h))
         advance(law, scale, own, w1, h)
     for i in range(p.at.above, p.at.places.shape[0]):
-        advance(law_at(p, i), L[i], between(memory, p.at.places, i, 2), w2, h)
+        advance(law_at(p, i), L[i], table_slice(memory, p.at.places, i, 2), w2, h)
     return w1, w2, T_above, R2 + K * w1 - S * w2
 
 
@@ -231,7 +231,7 @@ def _rest_torque_below(p, scales, memory, h, holds, torques):
     """The sum of a :class:`Rest`, of which ``holds`` and ``torques`` are filled; memories are cut back."""
     rest = 0.0
     for i in range(p.at.above, p.at.places.shape[0]):
-        own, both = between(memory, p.at.places, i, 2), Scales(scales[2 * i], scales[2 * i + 1])
+        own, both = table_slice(memory, p.at.places, i, 2), Scales(scales[2 * i], scales[2 * i + 1])
         holds[i], torques[i] = scale_at_rest(law_at(p, i), both, own, h)
         rest += torques[i]
     return rest
@@ -247,7 +247,7 @@ def _solve_below(p, scales, rest, memory, S, R, h, guess, L):
         return R - rest.sum
     side = where(R > rest.sum, 1.0, -1.0)
     for i in range(p.at.above, p.at.places.shape[0]):
-        law, own, both = law_at(p, i), between(memory, p.at.places, i, 2), Scales(scales[2 * i], scales[2 * i + 1])
+        law, own, both = law_at(p, i), table_slice(memory, p.at.places, i, 2), Scales(scales[2 * i], scales[2 * i + 1])
         if not all_of(both.positive == both.negative):  # else the one that holds it
             L[i] = where(still, L[i], own_scale(law, both, L[i], rest.torques[i], own, side, h))
     return where(still, 0.0, _solve_motion(Below(p), L, memory, S, R, h, guess, side, rest.sum))
@@ -265,7 +265,7 @@ def _mean_below(p, L, memory, w, h):
     """Sum of the mean torques below the bar [N m], and its derivative by the speed [N m s/rad]."""
     T = slope = 0.0
     for i in range(p.friction.at.above, p.friction.at.places.shape[0]):
-        own, steep = mean_torque(law_at(p.friction, i), L[i], between(memory, p.friction.at.places, i, 2), w, h)
+        own, steep = mean_torque(law_at(p.friction, i), L[i], table_slice(memory, p.friction.at.places, i, 2), w, h)
         T += own
         slope += steep
     return T, slope
@@ -292,7 +292,7 @@ def scales(p, conditions, base, load, x, motor, found):
     of_car = level_scales(conditions, base, load, x)  # (F11)
     left, grown = motor >= 0.0, base * abs(motor)
     for i in range(p.at.places.shape[0]):
-        at = cell(p.at.places, i, 1)
+        at = table_cell(p.at.places, i, 1)
         if p.at.alone:
             found[0], found[1] = of_car
         elif i < p.at.above:
@@ -332,11 +332,11 @@ def _same(p, L, found):
 
 @kernel
 def _mean_all(p, L, memory, w, h):
-    each = scratch.like(memory, MOST)
+    each = scratch.like(memory, MOST_SITES)
     _same(p, L, each)
     T, slope = _mean_below(Below(p), each, memory, w, h)
     if p.at.above:
-        above, steep = mean_torque(law_at(p, 0), L, between(memory, p.at.places, 0, 2), w, h)
+        above, steep = mean_torque(law_at(p, 0), L, table_slice(memory, p.at.places, 0, 2), w, h)
         return above + T, steep + slope
     return T, slope
 
@@ -345,14 +345,14 @@ def _mean_all(p, L, memory, w, h):
 def _rest_all(p, L, memory, h):
     rest = 0.0
     for i in range(p.at.above, p.at.places.shape[0]):
-        rest += rest_torque(law_at(p, i), L, between(memory, p.at.places, i, 2), h)
-    return rest_torque(law_at(p, 0), L, between(memory, p.at.places, 0, 2), h) + rest if p.at.above else rest
+        rest += rest_torque(law_at(p, i), L, table_slice(memory, p.at.places, i, 2), h)
+    return rest_torque(law_at(p, 0), L, table_slice(memory, p.at.places, 0, 2), h) + rest if p.at.above else rest
 
 
 @kernel
 def _advance_all(p, L, memory, w, h):
     for i in range(p.at.places.shape[0]):
-        advance(law_at(p, i), L, between(memory, p.at.places, i, 2), w, h)
+        advance(law_at(p, i), L, table_slice(memory, p.at.places, i, 2), w, h)
 
 
 @kernel
@@ -370,14 +370,14 @@ def _solve_all(p, L, memory, S, R, h, w_guess):
 def _torque_all(p, L, memory, w):
     T = 0.0
     for i in range(p.at.places.shape[0]):
-        T += torque(law_at(p, i), L, between(memory, p.at.places, i, 2), w)
+        T += torque(law_at(p, i), L, table_slice(memory, p.at.places, i, 2), w)
     return T
 
 
 @kernel
 def _rate_all(p, L, memory, w, out):
     for i in range(p.at.places.shape[0]):
-        rate(law_at(p, i), L, between(memory, p.at.places, i, 2), w, between(out, p.at.places, i, 2))
+        rate(law_at(p, i), L, table_slice(memory, p.at.places, i, 2), w, table_slice(out, p.at.places, i, 2))
 
 
 def _stored_in_all(p, memory):
@@ -544,11 +544,11 @@ def _site(name: str, given: Any, start: int) -> Site:
 def _growth(efficiency: gear.Efficiency, p: Any) -> tuple[float, float]:
     """c_d and c_b of (F44): a motor torque of 1 N m adds 1 - eta_d where it drives, 1/eta_b - 1 where it is driven."""
     F, lost = sliding_torque(p), (1.0 - efficiency.driving, 1.0 / efficiency.driven - 1.0)
-    if any(lost) and not F > LEAST:
+    if any(lost) and not F > LEAST_SLIDING_TORQUE:
         raise ValueError(
             f"friction law {law_of(p).name!r} has no sliding torque that could grow with the load: give efficiency=1"
         )
-    return lost[0] / max(F, LEAST), lost[1] / max(F, LEAST)
+    return lost[0] / max(F, LEAST_SLIDING_TORQUE), lost[1] / max(F, LEAST_SLIDING_TORQUE)
 
 
 def _unbound(kernel: Any, p: Any, *arguments: Any) -> Any:
@@ -564,7 +564,7 @@ _OF_ALL = {
     "solve": _solve_all,
     "rest_torque": _rest_all,
 }
-_TOGETHER = Law(
+_SITES_LAW = Law(
     name="sites",
     parameters=Sites,
     make=make_sites,
@@ -582,12 +582,12 @@ _TOGETHER = Law(
     stored_energy=_stored_in_all,
     **{name: functools.partial(_unbound, kernel) for name, kernel in _OF_ALL.items()},
 )
-LAWS.know(Sites, _TOGETHER)
+LAWS.know(Sites, _SITES_LAW)
 LAWS.know(
     Bound,
-    _TOGETHER._replace(parameters=Bound, memory_size=lambda p: int(p.at.places[:, 3].max(initial=0)), **_OF_ALL),
+    _SITES_LAW._replace(parameters=Bound, memory_size=lambda p: int(p.at.places[:, 3].max(initial=0)), **_OF_ALL),
 )
-LAWS.know(Below, _TOGETHER._replace(parameters=Below, mean_torque=_mean_below))
+LAWS.know(Below, _SITES_LAW._replace(parameters=Below, mean_torque=_mean_below))
 
 
 def wide(p: Any) -> bool:
@@ -657,7 +657,7 @@ def _of_text(text: str) -> dict[str, Any]:
     """Sites from ``LAW[,key=value...]@SITE``, several of them joined by ``+``."""
     pieces = re.findall(r"(?:^|\+)([^@]+)@([a-z_]+)(?=\+|$)", text)
     if "+".join(map("@".join, pieces)) != text or len({site for _, site in pieces}) < len(pieces):
-        raise ValueError(f"expected {TEXT}, each site once, got {text!r}")
+        raise ValueError(f"expected {SITES_SYNTAX}, each site once, got {text!r}")
     return {site: law for law, site in pieces}
 
 
@@ -702,7 +702,7 @@ def transmissions(p: Any) -> tuple[float, ...]:
     return 1.0, max(1.0 - p.gear.driving * F, 0.0), 1.0 + p.gear.driven * F  # (F44)
 
 
-def named(p: Any) -> str:
+def friction_name(p: Any) -> str:
     """The name of a law; of sites ``LAW@SITE``, joined by ``+``."""
     if not isinstance(p, Sites):
         return law_of(p).name
@@ -715,7 +715,7 @@ def acts(p: Sites, name: str, field: str, *fields: str) -> bool:
     if laws.as_mapping(law) == NOTHING:
         return False
     if field in ("driving", "driven"):
-        return name == "gear" and sliding_torque(law) > LEAST
+        return name == "gear" and sliding_torque(law) > LEAST_SLIDING_TORQUE
     return (name, field, *fields) != (ABOVE, "level", "load")  # which the rack force does not press
 
 

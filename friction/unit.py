@@ -14,7 +14,18 @@ from steer_env.friction.law import LAWS, law_of
 from steer_env.friction.level import Scales
 from steer_env.friction.numerics import units
 from steer_env.friction.numerics.kernel import dispatch, kernel
-from steer_env.friction.numerics.units import NONE, ONE, TWO, Code, Function, Part, array, caller, number, values
+from steer_env.friction.numerics.units import (
+    RETURNS_NOTHING,
+    RETURNS_NUMBER,
+    RETURNS_TWO_NUMBERS,
+    Code,
+    Function,
+    Part,
+    array,
+    caller,
+    number,
+    values,
+)
 
 
 @kernel
@@ -62,17 +73,17 @@ def _rate(numbers, sizes, torque_scale, memory, w, out):
 
 
 FUNCTIONS = (  # in the order of their addresses
-    Function(_torque, "npn", ONE),
-    Function(_advance, "npnn", NONE),
-    Function(_rest_torque, "npn", ONE),
-    Function(_scale_at_rest, "nnpn", TWO),
-    Function(_step, "nnpnnnn", TWO),
-    Function(_solve, "npnnnn", ONE),
-    Function(_mean_torque, "npnn", TWO),
-    Function(_rate, "npnp", NONE),
+    Function(_torque, "npn", RETURNS_NUMBER),
+    Function(_advance, "npnn", RETURNS_NOTHING),
+    Function(_rest_torque, "npn", RETURNS_NUMBER),
+    Function(_scale_at_rest, "nnpn", RETURNS_TWO_NUMBERS),
+    Function(_step, "nnpnnnn", RETURNS_TWO_NUMBERS),
+    Function(_solve, "npnnnn", RETURNS_NUMBER),
+    Function(_mean_torque, "npnn", RETURNS_TWO_NUMBERS),
+    Function(_rate, "npnp", RETURNS_NOTHING),
 )
 TORQUE, ADVANCE, REST_TORQUE, SCALE_AT_REST, STEP, SOLVE, MEAN_TORQUE, RATE = range(len(FUNCTIONS))
-_one, _two, _none = caller(ONE), caller(TWO), caller(NONE)
+_one, _two, _none = caller(RETURNS_NUMBER), caller(RETURNS_TWO_NUMBERS), caller(RETURNS_NOTHING)
 
 
 @kernel
@@ -154,7 +165,7 @@ def code(p: Any, wide: bool = False) -> Code:
         raise ValueError(f"friction law {law.name!r}: {error}") from None
 
 
-_PART: Any = SimpleNamespace(  # all that kernels ask of a law
+_LAW_BY_ADDRESS: Any = SimpleNamespace(  # all that kernels ask of a law
     advance=_advance_of,
     torque=_torque_of,
     rate=_rate_of,
@@ -162,4 +173,4 @@ _PART: Any = SimpleNamespace(  # all that kernels ask of a law
     solve=_solve_of,
     rest_torque=_rest_torque_of,
 )
-LAWS.know(Part, _PART)
+LAWS.know(Part, _LAW_BY_ADDRESS)

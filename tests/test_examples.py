@@ -21,7 +21,7 @@ from steer_env.experiments.learning.controllers import ZeroAction
 from steer_env.friction import law
 from steer_env.registration import id_of
 from steer_env.testing import check_friction_law
-from steer_env.testing.histories import after
+from steer_env.testing.histories import memory_after
 from steer_env.vehicle import cars
 from tests.needs import needs
 
@@ -230,7 +230,7 @@ def test_rate_and_state_slides_with_the_steady_torque_of_the_literature(rate_and
 def test_rate_and_state_answers_a_jump_of_the_speed_as_the_literature_does(rate_and_state):
     """At once by a ln(v2/v1), then with theta = D_c/v2 + (D_c/v1 - D_c/v2) exp(-v2 t/D_c) of the ageing law."""
     p, v1, v2, dt, D_c = friction.resolve(STIFF), 0.1, 1.0, 1e-4, 0.1
-    memory = after(p, [(v1, 0.5)] * 40)
+    memory = memory_after(p, [(v1, 0.5)] * 40)
     slow, t, found = law.torque(p, 1.0, memory, v1), dt * np.arange(1, 4000), []
     for _ in t:
         law.advance(p, 1.0, memory, v2, dt)
@@ -245,7 +245,7 @@ def test_rate_and_state_answers_a_jump_of_the_speed_as_the_literature_does(rate_
 def test_rate_and_state_heals_with_the_logarithm_of_a_hold(rate_and_state, hold):
     """The peak after it is above the steady torque by b ln(1 + v t/D_c), as the age grows by t."""
     p, v, dt = friction.resolve(STIFF), 0.1, 1e-5
-    memory = after(p, [(v, 0.5)] * 40)
+    memory = memory_after(p, [(v, 0.5)] * 40)
     steady = law.torque(p, 1.0, memory, v)
     law.advance(p, 1.0, memory, 0.0, hold)
     assert memory[1] + 3.0 == pytest.approx(0.1 / v + hold, rel=1e-3)

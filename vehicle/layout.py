@@ -66,8 +66,8 @@ class Parts(NamedTuple):
 
 
 _ASSIST = len(column.STATES)
-_STEPS = _ASSIST + len(eps.STATES)
-_MEAN = _STEPS + len(_STEP_MEMORY)
+_STEP_MEMORY_POSITION = _ASSIST + len(eps.STATES)
+_MEAN = _STEP_MEMORY_POSITION + len(_STEP_MEMORY)
 _LAST = _MEAN + len(INPUTS)
 _CHASSIS = _LAST + len(INPUTS)
 
@@ -79,13 +79,13 @@ def _arrange(n, m, j, k):
     return Layout(
         column=0,
         assist=_ASSIST,
-        steps=_STEPS,
-        rack_force=_STEPS + 1,
-        rack_force_before=_STEPS + 2,
-        hand_torque=_STEPS + 3,
-        hand_torque_before=_STEPS + 4,
-        friction_torque=_STEPS + 5,
-        friction_torque_before=_STEPS + 6,
+        steps=_STEP_MEMORY_POSITION,
+        rack_force=_STEP_MEMORY_POSITION + 1,
+        rack_force_before=_STEP_MEMORY_POSITION + 2,
+        hand_torque=_STEP_MEMORY_POSITION + 3,
+        hand_torque_before=_STEP_MEMORY_POSITION + 4,
+        friction_torque=_STEP_MEMORY_POSITION + 5,
+        friction_torque_before=_STEP_MEMORY_POSITION + 6,
         mean_inputs=_MEAN,
         last_inputs=_LAST,
         chassis=_CHASSIS,
@@ -100,7 +100,7 @@ def _arrange(n, m, j, k):
 
 
 @part
-def layout(p):
+def layout_in_kernels(p):
     """The layout of a plant, in kernels; up to the motor compiled code knows its numbers as constants."""
     n, m, a = chassis.state_size(p.chassis), chassis.output_size(p.chassis), p.assist
     return _arrange(n, m, motor.size(a.motor), functions.size(a.functions))
@@ -108,7 +108,7 @@ def layout(p):
 
 @part
 def layout_to_motor(p):
-    """As :func:`layout`, of a plant of which the steering is left out: right up to the motor."""
+    """As :func:`layout_in_kernels`, of a plant of which the steering is left out: right up to the motor."""
     return _arrange(chassis.state_size(p.chassis), chassis.output_size(p.chassis), 0, 0)
 
 
@@ -126,19 +126,19 @@ def parts_of_chassis(at, state):
     )
 
 
-def layout_of(p: Any) -> Layout:
+def plant_layout(p: Any) -> Layout:
     """The layout of a plant, in Python."""
     kind = chassis.chassis_of(p.chassis)
     n, m, a = len(kind.states), len(kind.outputs), p.assist
     return plain(_arrange)(n, m, len(motor.states(a.motor)), len(functions.states(a.functions)))
 
 
-def size_of(p: Any) -> int:
+def state_size(p: Any) -> int:
     """Length of the state array of a plant."""
-    return layout_of(p).memory + law_of(p.friction).memory_size(p.friction)
+    return plant_layout(p).memory + law_of(p.friction).memory_size(p.friction)
 
 
-def states(p: Any) -> Names:
+def state_names(p: Any) -> Names:
     """Names and units of the states of a plant, in the order of the array."""
     kind = chassis.chassis_of(p.chassis)
     return (

@@ -38,7 +38,14 @@ from steer_env.vehicle.chassis.common.interface import (
     RACK_DISTURBANCE,
     Names,
 )
-from steer_env.vehicle.layout import layout, layout_of, layout_to_motor, parts_of_chassis, size_of, states
+from steer_env.vehicle.layout import (
+    layout_in_kernels,
+    layout_to_motor,
+    parts_of_chassis,
+    plant_layout,
+    state_names,
+    state_size,
+)
 from steer_env.vehicle.steering import column, eps, motor
 from steer_env.vehicle.steering.assist import functions
 from steer_env.vehicle.steering.assist.functions import Signals
@@ -55,7 +62,7 @@ _OWN_CHANNELS: Names = (
     ("friction_torque", "N m"),
     ("rack_force", "N"),
 )
-_OWN = len(_OWN_CHANNELS)
+_OWN_CHANNEL_COUNT = len(_OWN_CHANNELS)
 # What these channels are and where they are positive.
 _OWN_MEANINGS = {
     "handwheel_angle": "angle of the handwheel, positive to the left",
@@ -319,7 +326,7 @@ def run(p, state, inputs, record, substeps):
         Whether every state is finite.
     """
     h = SAMPLE_TIME / substeps
-    at = layout(p)
+    at = layout_in_kernels(p)
     last = record.shape[0] - 1
     for i in range(inputs.shape[0]):
         u = inputs[i]
@@ -338,7 +345,7 @@ def run(p, state, inputs, record, substeps):
                 state[at.steps] = 0.0
         if i <= last or i == inputs.shape[0] - 1:
             report_column(p, at, state, row)
-            report_chassis(p, at, state, u, row[_OWN - 1 :])
+            report_chassis(p, at, state, u, row[_OWN_CHANNEL_COUNT - 1 :])
     finite = True
     for value in state:
         finite = finite & (abs(value) < math.inf)
@@ -445,7 +452,7 @@ def side_by_side(p: Plant) -> bool:
 @kernel
 def _one_way(template, common, rows, states, i, k):
     """Whether two rows evaluate their chassis at the same steps and agree in the numbers on which branches depend."""
-    steps = layout(template).steps
+    steps = layout_in_kernels(template).steps
     same = states[i, steps] == states[k, steps]
     for j in range(common.shape[0]):
         for number in range(common[j, 0], common[j, 1]):
@@ -477,7 +484,7 @@ def reported(p: Plant, state: NDArray[np.float64], u: NDArray[np.float64]) -> ND
     """Channels (C,) of a state (S,) at the end of a sample with a row ``u`` (I,) of inputs."""
     row, at = np.zeros(len(channels(p))), plain(layout_to_motor)(p)
     plain(report_column)(p, at, state, row)
-    plain(report_chassis)(p, at, state, u, row[_OWN - 1 :])
+    plain(report_chassis)(p, at, state, u, row[_OWN_CHANNEL_COUNT - 1 :])
     return row
 
 
@@ -498,9 +505,9 @@ def initial_state(p: Plant) -> NDArray[np.float64]:
 
 def initial_speed(p: Plant) -> float:
     """The speed at which a plant starts [m/s]."""
-    state = np.zeros(size_of(p))
+    state = np.zeros(state_size(p))
     begin(p, state)
-    return float(plain(chassis.chassis_of(p.chassis).speed)(p.chassis, state[layout_of(p).chassis :]))
+    return float(plain(chassis.chassis_of(p.chassis).speed)(p.chassis, state[plant_layout(p).chassis :]))
 
 
 def settled(p: Plant, run: Callable = run) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -508,7 +515,7 @@ def settled(p: Plant, run: Callable = run) -> tuple[NDArray[np.float64], NDArray
 
     ``run`` has the effect of :func:`run`.
     """
-    state, row = np.zeros(size_of(p)), np.zeros((1, len(channels(p))))
+    state, row = np.zeros(state_size(p)), np.zeros((1, len(channels(p))))
     run(p, state, np.zeros((begin(p, state), len(INPUTS))), row, 1)
     start_line(p, state[None], row)
     return state, row[0]
@@ -516,14 +523,14 @@ def settled(p: Plant, run: Callable = run) -> tuple[NDArray[np.float64], NDArray
 
 def start_line(p: Plant, states: NDArray[np.float64], rows: NDArray[np.float64]) -> None:
     """Set the position to zero in states (N, S) and channels (N, C) of plants of one kind."""
-    kind, at = chassis.chassis_of(p.chassis), layout_of(p)
+    kind, at = chassis.chassis_of(p.chassis), plant_layout(p)
     states[:, [at.chassis + i for i, (name, _) in enumerate(kind.states) if name in ("x", "y", "distance")]] = 0.0
     rows[:, [CHANNEL["x"], CHANNEL["y"]]] = 0.0
 
 
 def state_name(p: Plant, index: int) -> str:
     """Name and unit of the state at a position of the array."""
-    name, unit = states(p)[index]
+    name, unit = state_names(p)[index]
     return f"{name} [{unit}]" if unit else name
 
 

@@ -29,7 +29,7 @@ from steer_env.friction.numerics.interpolation import hermite
 from steer_env.friction.numerics.kernel import dispatch, kernel
 from steer_env.friction.numerics.simd import broadcast, pack
 
-LEFT, RIGHT = 0, 1
+LEFT_TRACK, RIGHT_TRACK = 0, 1
 HEIGHT, FRICTION = (-10.0, 10.0), (0.01, 2.0)  # bounds of heights [m] and of factors on the friction [1]
 ROUGHNESS = {name: 16e-6 * 4.0**i for i, name in enumerate("ABCDEFGH")}  # G(n_0) of the classes [m3]
 REFERENCE_WAVE_NUMBER = 0.1  # n_0 [cycle/m]
@@ -308,14 +308,14 @@ def friction(r, side, distance):
 def _under_tracks(r, front, rear):
     heights = slopes = broadcast(0.0)
     if not r.level:
-        (z_fl, s_fl), (z_fr, s_fr) = height(r, LEFT, front), height(r, RIGHT, front)
-        (z_rl, s_rl), (z_rr, s_rr) = height(r, LEFT, rear), height(r, RIGHT, rear)
+        (z_fl, s_fl), (z_fr, s_fr) = height(r, LEFT_TRACK, front), height(r, RIGHT_TRACK, front)
+        (z_rl, s_rl), (z_rr, s_rr) = height(r, LEFT_TRACK, rear), height(r, RIGHT_TRACK, rear)
         heights, slopes = pack(z_fl, z_fr, z_rl, z_rr), pack(s_fl, s_fr, s_rl, s_rr)
     if r.friction.shape[1] == 1:
-        left, right = r.friction[LEFT, 0], r.friction[RIGHT, 0]
+        left, right = r.friction[LEFT_TRACK, 0], r.friction[RIGHT_TRACK, 0]
         return heights, slopes, pack(left, right, left, right)
-    left, right = friction(r, LEFT, front), friction(r, RIGHT, front)
-    return heights, slopes, pack(left, right, friction(r, LEFT, rear), friction(r, RIGHT, rear))
+    left, right = friction(r, LEFT_TRACK, front), friction(r, RIGHT_TRACK, front)
+    return heights, slopes, pack(left, right, friction(r, LEFT_TRACK, rear), friction(r, RIGHT_TRACK, rear))
 
 
 @kernel
@@ -327,12 +327,12 @@ def _under_given(r, front, rear):
     )
 
 
-_UNDER = {Road: _under_tracks, WheelRoad: _under_given}
+_UNDER_WHEELS = {Road: _under_tracks, WheelRoad: _under_given}
 
 
 def under_wheels(r, front, rear):
     """Height, slope and friction under four wheels, by the distances of both axles."""
-    return _UNDER[type(r)](r, front, rear)
+    return _UNDER_WHEELS[type(r)](r, front, rear)
 
 
-dispatch(under_wheels, lambda kind, _: _UNDER.get(kind))
+dispatch(under_wheels, lambda kind, _: _UNDER_WHEELS.get(kind))

@@ -30,7 +30,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares, lsq_linear
 
 from steer_env import friction
-from steer_env.friction.identification.blocks import drawn_means, interval_of, redrawn, widened
+from steer_env.friction.identification.blocks import drawn_means, percentile_interval, redrawn, widened
 from steer_env.friction.numerics.thread_pool import one_blas_thread
 from steer_env.hand_torque import Drive, Identified
 from steer_env.hand_torque.drive import SLOWEST
@@ -58,7 +58,7 @@ SETTLED = 1e-3  # least deviation of a torque that a covariance knows, assumed [
 LEVEL_MIN = 1e-3  # of a law, which has no level of zero [N m]
 # What the intervals of levels add: of two, for a boost that is not (H3), which moves one level against the other; and
 # for noise of the angle, which takes away from friction that builds up at once. Both as drives of known friction show.
-MISFIT, LOST = 0.05, 0.2  # [N m], [1]
+MISFIT_TORQUE, LOST_SHARE = 0.05, 0.2  # [N m], [1]
 NO_LAW = "no dry law was fitted, so that nothing is told of friction above the torsion bar or below it"
 VARIED = 0.05  # deviation of the speed over its mean from which on the bank is told from the car's lag, assumed [1]
 ADDED = {"F_u", "x_u"}  # terms with which the car moves alike
@@ -170,7 +170,7 @@ def fit_column(
         tuple(dict(zip(_compared(d), map(float, each))) for d, each in zip(drives, offsets)),
         residual=residual[law],
         adds=residual[None] - residual[law],
-        adds_interval=interval_of(drawn[None] - drawn[law]),
+        adds_interval=percentile_interval(drawn[None] - drawn[law]),
         limited=tuple(dict.fromkeys(limited)),
         one_site=one_site(drives[0]) or ("" if law else NO_LAW),
     )
@@ -337,7 +337,7 @@ def _errors(part: _Part, terms: Mapping[str, float], made: Mapping[str, Array] |
     return np.column_stack(errors)[part.used]
 
 
-def term_of(name: str) -> Term:
+def make_term(name: str) -> Term:
     """What is known of a term; each drive has a b of its own."""
     return TERMS["b" if name.startswith("b") else name]
 
@@ -358,7 +358,7 @@ def _fitted(
 ) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
     """Terms that leave least of parts of drives, each with the offsets that leave least, and their intervals."""
     names, channels = _terms_of(parts), len(parts[0].torques)
-    least, largest, step = (np.array([term_of(name)[i] for name in names]) for i in (1, 2, 3))
+    least, largest, step = (np.array([make_term(name)[i] for name in names]) for i in (1, 2, 3))
     measured = [np.column_stack([each[part.used] for each in part.torques.values()]) for part in parts]
     white = np.diag(1.0 / np.std(np.concatenate([each - each.mean(axis=0) for each in measured]), axis=0))
     bad = np.concatenate([np.tile(10.0 * white @ np.ptp(each, axis=0), len(each)) for each in measured])
@@ -395,7 +395,7 @@ def _fitted(
         here = error(x)
         return np.column_stack([slope(x, here, h) for h in np.diag(np.where(x + step < largest, step, -step))])
 
-    x = np.array([start.get(name, term_of(name).start) for name in names])
+    x = np.array([start.get(name, make_term(name).start) for name in names])
     error(x)  # tells why the car cannot be driven
     for k in range(PASSES if channels > 1 else 1):
         if k:
@@ -414,21 +414,23 @@ def _fitted(
     wide = widened(rows, max(rows - len(names) - channels * len(parts), 1))
     bounds = (least - x) / step, (largest - x) / step
     draws = wide * step * np.array([_least(n, of, step, bounds) for n in redrawn(own, seed)])
-    ends = np.clip(x + np.array([interval_of(values) for values in draws.T]).T, least, largest)
+    ends = np.clip(x + np.array([percentile_interval(values) for values in draws.T]).T, least, largest)
     low, high = np.minimum(ends[0], x), np.maximum(ends[1], x)
     terms = dict(zip(names, map(float, x)))
     intervals = {name: (float(a), float(b)) for name, a, b in zip(names, low, high)}
-    misfit = MISFIT if channels > 1 else 0.0
-    intervals |= {level: _held(terms[level], *intervals[level], misfit) for level in ("F_c", "F_u") if level in terms}
+    misfit = MISFIT_TORQUE if channels > 1 else 0.0
+    intervals |= {
+        level: _level_interval(terms[level], *intervals[level], misfit) for level in ("F_c", "F_u") if level in terms
+    }
     for level, distance in (("F_c", "x_c"), ("F_u", "x_u")):
         if distance in intervals and not intervals[level][0] > 0.0:  # of no friction, nothing tells the distance
             intervals[distance] = (X_C[0], X_C[-1])
     return terms, intervals
 
 
-def _held(value: float, low: float, high: float, misfit: float) -> tuple[float, float]:
-    """The interval of a level, from that of its blocks, with a misfit [N m] and ``LOST``."""
-    below, above = math.hypot(value - low, misfit), math.hypot(high - value, misfit, LOST * value)
+def _level_interval(value: float, low: float, high: float, misfit: float) -> tuple[float, float]:
+    """The interval of a level, from that of its blocks, with a misfit [N m] and ``LOST_SHARE``."""
+    below, above = math.hypot(value - low, misfit), math.hypot(high - value, misfit, LOST_SHARE * value)
     return max(value - below, 0.0), value + above
 
 
@@ -456,5 +458,5 @@ def _at_limits(terms: Mapping[str, float]) -> list[str]:
     return [
         name
         for name, value in terms.items()
-        if any(end and abs(value - end) < term_of(name).step for end in term_of(name)[1:3])
+        if any(end and abs(value - end) < make_term(name).step for end in make_term(name)[1:3])
     ]

@@ -40,7 +40,7 @@ KEEPS_UP = 2.0 * math.pi  # column speed up to which the motor gives the whole b
 LEAST_SHARE = 1e-3  # of the motor's limit that counts as given where its curve has ended, assumed [1]
 FREE_SPEEDS = (60.0, 140.0)  # of the free car [km/h]
 PHASE, GAIN = TARGETS  # [deg], [dB]
-KINDS = {
+LIMIT_WORDS = {
     "stable": "stability",
     "phase": "phase margin",
     "gain": "gain margin",
@@ -182,8 +182,8 @@ def violations(found: Mapping[str, float]) -> dict[str, float]:
 
 
 def kind(constraint: str) -> str:
-    """Which limit a constraint is of, without its place and speed, as the values of ``KINDS``."""
-    return next(words for part, words in KINDS.items() if part in constraint)
+    """Which limit a constraint is of, without its place and speed, as the values of ``LIMIT_WORDS``."""
+    return next(words for part, words in LIMIT_WORDS.items() if part in constraint)
 
 
 def describe_violation(constraint: str, violation: float) -> str:

@@ -14,7 +14,7 @@ from steer_env.experiments.pages.words import label, unit
 from steer_env.targets import Band
 
 IN_BAND = 1e-9  # distance that counts as within the band [1]
-FEW = 100  # sets with which an optimiser has hardly begun, so that they show little; assumed
+FEW_SETS = 100  # sets with which an optimiser has hardly begun, so that they show little; assumed
 
 
 class Closest(NamedTuple):
@@ -128,7 +128,7 @@ def sentences(problem: Problem, found: Feasibility, units: Mapping[str, str], co
     for pair in sorted(found.pairs, key=lambda p: -sum(p.distances))[:6]:
         (a, b), (x, y) = pair
         shown = f"conflict, as far as {kept} sets that keep the constraints show"
-        if kept < FEW:
+        if kept < FEW_SETS:
             shown = f"may conflict ({kept} sets that keep the constraints are too few to tell)"
         said.append(
             f"The metrics {label(a)} and {label(b)} {shown}: each band is reached, but no set reaches both; the one "

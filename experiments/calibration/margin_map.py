@@ -13,7 +13,7 @@ from steer_env.friction.numerics import cache
 from steer_env.friction.sites import transmissions
 from steer_env.vehicle.analysis import assist_loop
 from steer_env.vehicle.analysis.linearised import Point
-from steer_env.vehicle.analysis.operating_point import HANDS, Cornering, cornering, held, steady
+from steer_env.vehicle.analysis.operating_point import HAND_MODES, Cornering, cornering, steady, with_hands
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.steering.margins import TARGETS, Margins, least, of_cells
 
@@ -61,8 +61,8 @@ class Cell(NamedTuple):
 
 
 def hold(point: Point, hands: str, law: Any) -> Point:
-    """The point with hands of ``HANDS``; ``law`` is that of the friction at rest, None where it slides."""
-    return held(point, hands, law, arm()[:3] if hands == "arms" else (0.0, 0.0, 0.0))
+    """The point with hands of ``HAND_MODES``; ``law`` is that of the friction at rest, None where it slides."""
+    return with_hands(point, hands, law, arm()[:3] if hands == "arms" else (0.0, 0.0, 0.0))
 
 
 def _steady_turn(turn: Cornering, torque: float) -> Point | None:
@@ -96,7 +96,7 @@ def of_speed(turn: Cornering, kph: float, law: Any) -> Iterator[Cell]:
     """The cells of one speed."""
     for torque in TORQUES:
         point = _steady_turn(turn, torque)
-        for hands, friction in product(HANDS, (SLIDING, RESTING)):
+        for hands, friction in product(HAND_MODES, (SLIDING, RESTING)):
             yield Cell(kph, torque, hands, friction, _margins(point, hands, friction, law))
 
 
@@ -122,7 +122,7 @@ def seconds(car: Car, law: Any, chassis: str) -> float:
     return (time.perf_counter() - cache.compile_seconds() - start) / sum(cell.margins is not None for cell in cells)
 
 
-def at(points: Sequence[Cell], car: Car, law: Any, chassis: str) -> list[Cell]:
+def map_points(points: Sequence[Cell], car: Car, law: Any, chassis: str) -> list[Cell]:
     """The cells of a car at the points of other cells."""
     found = list[Cell]()
     for p in points:

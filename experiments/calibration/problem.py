@@ -34,8 +34,8 @@ LADEN = 300.0  # added mass of the laden car: four people and luggage, assumed [
 USED = (*PARAMETERS, "return_gain", "handwheel_damping", "friction_share")  # tuned by default
 # Of functions of the assist, beside their strengths: unit, range, limits, and where a search begins if the car does not
 # have the function; assumed. The active return costs phase by its saturation, however small its gain.
-KEYS = {"return_saturation": ("N m", (0.2, 2.0), (0.05, 10.0), 0.5)}
-TUNED = (*USED, *KEYS)  # by ``steer-env tune`` by default
+KEY_RANGES = {"return_saturation": ("N m", (0.2, 2.0), (0.05, 10.0), 0.5)}
+TUNED = (*USED, *KEY_RANGES)  # by ``steer-env tune`` by default
 GROUPS = {
     "weave": "on-centre",
     "release": "return",
@@ -100,7 +100,7 @@ class Evaluation(NamedTuple):
     refused: dict[str, str]  # metric -> first reason
 
 
-def ranges_of(assist: Assist, names: Sequence[str] = USED) -> tuple[Range, ...]:
+def tuning_ranges(assist: Assist, names: Sequence[str] = USED) -> tuple[Range, ...]:
     """The parameters with the ranges of the tuning environments.
 
     Raises
@@ -108,13 +108,13 @@ def ranges_of(assist: Assist, names: Sequence[str] = USED) -> tuple[Range, ...]:
     ValueError
         An unknown parameter, or one that is named twice.
     """
-    known = (*KNOWN, *KEYS)
+    known = (*KNOWN, *KEY_RANGES)
     if not names or len(set(names)) != len(names) or not set(names) <= set(known):
         raise ValueError(f"parameters must be some of {', '.join(known)}, each once, got {', '.join(names) or 'none'}")
     found = []
     for name in names:
-        if name in KEYS:
-            unit, (low, high), limits, usual = KEYS[name]
+        if name in KEY_RANGES:
+            unit, (low, high), limits, usual = KEY_RANGES[name]
             value = float(functions.keys(assist.functions, SAMPLE_TIME).get(name, usual))
             limits = min(limits[0], value), max(limits[1], value)
             found.append(Range(name, unit, min(low, value), max(high, value), value, True, limits))
@@ -128,7 +128,7 @@ def ranges_of(assist: Assist, names: Sequence[str] = USED) -> tuple[Range, ...]:
     return tuple(found)
 
 
-def conditions_of(load: float = LADEN) -> tuple[Condition, ...]:
+def drive_conditions(load: float = LADEN) -> tuple[Condition, ...]:
     """The nominal condition, and the corners of friction and load."""
     load = number("load [kg]", load, minimum=0.0, maximum=LIMITS["load"][1])
     corners = [Condition(level, mass) for mass in dict.fromkeys((0.0, load)) for level in (LEVELS[0], LEVELS[-1])]
@@ -182,7 +182,9 @@ def make(
     groups = {name: GROUPS[test] for test in SCENARIO.tests for name in targets.bands.get(test, {})}
     _require_consistent(targets.name, bands)
     resolved = resolve(car.friction if law is None else law)
-    return Problem(car, resolved, bands, groups, chassis, speed, ranges_of(car.assist, names), conditions_of(load))
+    return Problem(
+        car, resolved, bands, groups, chassis, speed, tuning_ranges(car.assist, names), drive_conditions(load)
+    )
 
 
 def _require_consistent(name: str, bands: Mapping[str, Band]) -> None:
@@ -206,7 +208,7 @@ class Prepared(NamedTuple):
     reached: tuple[float, ...]  # :func:`constraints.reaches` of the laden car [N m]
 
 
-_KEPT: dict[str, Prepared] = {}  # of the problem evaluated last, in this process
+_PREPARED: dict[str, Prepared] = {}  # of the problem evaluated last, in this process
 
 
 def digest(problem: Problem) -> str:
@@ -223,7 +225,7 @@ def prepare_problem(problem: Problem) -> Prepared:
         The car with its own assist does not reach the lateral acceleration of a test, or its loop is unstable.
     """
     key = digest(problem)
-    if key not in _KEPT:
+    if key not in _PREPARED:
         require_stable(problem)
         drives = []
         for condition in problem.conditions:
@@ -235,8 +237,8 @@ def prepare_problem(problem: Problem) -> Prepared:
                 remedy = "begin with a car or tyre that reaches it, or with a smaller --load"
                 raise ValueError(_cannot_drive(problem, f" with {condition.label}", error, remedy)) from None
         laden = problem.car.loaded(problem.conditions[-1].load)
-        _KEPT[key] = Prepared(tuple(drives), constraints.reaches(laden, problem.chassis))
-    return _KEPT[key]
+        _PREPARED[key] = Prepared(tuple(drives), constraints.reaches(laden, problem.chassis))
+    return _PREPARED[key]
 
 
 def require_stable(problem: Problem) -> None:
@@ -266,7 +268,7 @@ def _cannot_drive(problem: Problem, condition: str, why: object, remedy: str) ->
     return f"the starting point, {problem.car.name!r}{condition}, cannot be driven: {why}; {remedy}"
 
 
-def own(problem: Problem) -> dict[str, float]:
+def own_values(problem: Problem) -> dict[str, float]:
     """The car's own parameter set."""
     return {r.name: r.own for r in problem.ranges}
 
@@ -278,14 +280,14 @@ def assist(problem: Problem, values: Mapping[str, float]) -> Assist:
 
 def keys(problem: Problem, values: Mapping[str, float]) -> dict[str, Any]:
     """The keys of a car file's section ``assist`` of a parameter set."""
-    others = {name: values[name] for name in KEYS if name in values}
+    others = {name: values[name] for name in KEY_RANGES if name in values}
     own = problem.car.assist
     return {**parameters.keys(own, parameters.complete(own, values)), **others}
 
 
 def without_effect(assist: Assist) -> set[str]:
     """Parameters of functions that an assist does not have, whose values are where a search begins."""
-    return set(KEYS) - functions.keys(assist.functions, SAMPLE_TIME).keys()
+    return set(KEY_RANGES) - functions.keys(assist.functions, SAMPLE_TIME).keys()
 
 
 def tuned_car(problem: Problem, values: Mapping[str, float]) -> Car:

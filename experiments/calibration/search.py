@@ -40,8 +40,8 @@ CANDIDATES, STAGES = 600, 4  # sets that are tried on the model in each stage; a
 SMOOTHING = 1e-3  # of the surfaces, as a metric is not quite smooth; assumed
 PENALTY = 20.0  # of a modelled violation over a distance of one width; assumed
 GUARD = 0.02  # by which the model should keep a constraint, assumed [its limit]
-FAR = 4.0  # places and violations are modelled up to this, assumed [widths of the band, limits]
-APART = 1e-3  # least distance between two sets, assumed [widths of the ranges]
+LARGEST_MODELLED_VALUE = 4.0  # places and violations are modelled up to this, assumed [widths of the band, limits]
+LEAST_SET_DISTANCE = 1e-3  # least distance between two sets, assumed [widths of the ranges]
 
 
 def distances(places: Array) -> Array:
@@ -80,16 +80,16 @@ class ResponseSurfaces(BaseSampler):
         known = _unit([t for t in trials if t.params.keys() >= search_space.keys()], spaces)
         X, Y = _unit(driven, spaces), np.array([_places(t) for t in driven])
         shape = Y.shape[1:]
-        surfaces = _surfaces(X, np.clip(Y, -FAR, FAR + 1.0).reshape(len(X), -1))
+        surfaces = _surfaces(X, np.clip(Y, -LARGEST_MODELLED_VALUE, LARGEST_MODELLED_VALUE + 1.0).reshape(len(X), -1))
         limits = np.array([list(t.constraints.values()) for t in done])
-        walls = _surfaces(_unit(done, spaces), np.clip(limits, -FAR, 1.0)) if limits.size else None
+        walls = _surfaces(_unit(done, spaces), np.clip(limits, -LARGEST_MODELLED_VALUE, 1.0)) if limits.size else None
 
         def worth(sets: Array) -> Array:
             value = distances(surfaces(sets).reshape(len(sets), *shape))
             if walls is not None:
                 value = value + PENALTY * np.maximum(walls(sets) + GUARD, 0.0).sum(axis=1)
             gap = np.abs(sets[:, None, :] - known[None]).max(axis=2).min(axis=1)
-            return np.where(gap < APART, math.inf, value)
+            return np.where(gap < LEAST_SET_DISTANCE, math.inf, value)
 
         violated = np.array([max([*t.constraints.values(), 0.0]) for t in driven])
         centre = X[np.argmin(distances(Y) + PENALTY * violated)]
@@ -142,7 +142,7 @@ def _value(s: FloatDistribution, share: float) -> float:
 SAMPLERS = ("surface", "tpe", "nsga2", "nsga3", "random")
 SEVERAL = ("nsga2", "nsga3")  # that take the objectives one by one, the others their sum
 FIRST = 16  # sets at the beginning, the starting point among them; assumed
-NEAR = 0.5  # part of the ranges, around the starting point, that the first sets cover; assumed
+FIRST_SET_RANGE = 0.5  # part of the ranges, around the starting point, that the first sets cover; assumed
 POPULATION = 24  # of NSGA-II and NSGA-III, assumed
 CHECKS = (1.0 / 3.0, 2.0 / 3.0)  # parts of the budget at which ranges may be widened
 ON_LIMIT = 0.03  # distance of the best set from the end of a range that counts as on it, over its width; assumed
@@ -258,7 +258,7 @@ def _first_sets(ranges: tuple[Range, ...], seed: int, count: int) -> list[dict[s
         values = {}
         for r, u in zip(ranges, row):
             low, high, own = _scale(r, r.low), _scale(r, r.high), _scale(r, r.own)
-            x = min(max(own + NEAR * (u - 0.5) * (high - low), low), high)
+            x = min(max(own + FIRST_SET_RANGE * (u - 0.5) * (high - low), low), high)
             values[r.name] = min(max(math.exp(x) if r.logarithmic else x, r.low), r.high)
         sets.append(values)
     return sets
@@ -384,12 +384,12 @@ def _next(job: Job, store: Any, number: int, process: str) -> tuple[Study, Trial
     """A set to evaluate; None where the budget is spent or everything is reached."""
     out = Path(job.out)
     while True:
-        with storage.alone(out):
+        with storage.exclusive_folder(out):
             study = current(job, store, number)
-            storage.again(study, out)
+            storage.requeue_abandoned(study, out)
             done, open_sets = finished_sets(study), study.get_trials(deepcopy=False, states=(TrialState.RUNNING,))
             # Sets of machines that cannot be seen from here count as spent, and nothing waits for them.
-            running, lost = len(open_sets), sum(storage.elsewhere(out, trial) for trial in open_sets)
+            running, lost = len(open_sets), sum(storage.is_on_other_machine(out, trial) for trial in open_sets)
             spent, awaited = len(done) + lost, running > lost
             if spent >= job.budget or (job.stops and bands_reached(done)):
                 return None

@@ -121,7 +121,7 @@ def _gone(out: Path, name: str | None) -> bool:
     return True
 
 
-def again(study: Study, out: Path) -> int:
+def requeue_abandoned(study: Study, out: Path) -> int:
     """Enqueue the running sets of processes that have gone again; returns their number.
 
     To be called by one process at a time.
@@ -136,7 +136,7 @@ def again(study: Study, out: Path) -> int:
     return count
 
 
-def elsewhere(out: Path, trial: FrozenTrial) -> bool:
+def is_on_other_machine(out: Path, trial: FrozenTrial) -> bool:
     """Whether a running set belongs to a process of another machine, whose end cannot be seen from here."""
     name = trial.user_attrs.get("process", "")
     return not name.startswith(f"{socket.gethostname()}-") and not (out / PROCESSES / name).is_file()
@@ -174,7 +174,7 @@ def require_whole(path: Path, notify: Any = lambda text: None) -> None:
                 )
 
 
-def there(out: Path, address: str | None = None) -> bool:
+def study_exists(out: Path, address: str | None = None) -> bool:
     """Whether there can be a study: a journal in the folder, or the address of a database."""
     return address is not None or (out / JOURNAL).is_file()
 
@@ -202,7 +202,7 @@ def open_storage(out: Path, address: str | None = None) -> BaseStorage:
 
 
 @contextmanager
-def alone(out: Path) -> Iterator[None]:
+def exclusive_folder(out: Path) -> Iterator[None]:
     """One process at a time, of those that share a folder."""
     with FileLock(out / PROCESSES / "ask", 300.0):
         yield

@@ -34,7 +34,7 @@ EVALUATION = 2  # raised where the evaluation of a set changes, so that a folder
 MAP_MISSED = 0.1  # violation of a set that misses a margin on the map; its negative where it is kept or unread; assumed
 DIGITS = 4  # significant ones of what is tuned, in the file of the best car [1]
 SECOND = "nsga2"  # optimiser that confirms
-ABOUT = "about"  # name of the study that holds what all share
+SHARED_STUDY = "about"  # name of the study that holds what all share
 OWN_ANGLES = "check with own handwheel angles"
 LAST = {"map": 1, "check": 1}  # pieces of work that follow a search
 
@@ -93,7 +93,7 @@ def set_metrics(case: tuple[Problem, dict[str, float]]) -> dict[str, float | Non
 
 def largest_effects(problem: Problem, sweep: Runner) -> dict[str, float]:
     """By how much of its band's width each metric moves at most when one parameter goes to an end of its range [1]."""
-    own = problems.own(problem)
+    own = problems.own_values(problem)
     sets = [own, *({**own, r.name: end} for r in problem.ranges for end in (r.low, r.high) if end != r.own)]
     at, *others = sweep(
         set_metrics, [(problem, values) for values in sets], words=lambda case: "effect of the parameters"
@@ -108,18 +108,18 @@ def largest_effects(problem: Problem, sweep: Runner) -> dict[str, float]:
     return found
 
 
-def _about(store: Any) -> optuna.Study | None:
+def _finished_shared_study(store: Any) -> optuna.Study | None:
     """The study that holds what all share, if its maker has finished it."""
-    if ABOUT not in [s.study_name for s in store.get_all_studies()]:
+    if SHARED_STUDY not in [s.study_name for s in store.get_all_studies()]:
         return None
-    study = optuna.load_study(study_name=ABOUT, storage=store)
+    study = optuna.load_study(study_name=SHARED_STUDY, storage=store)
     return study if "problem" in study.user_attrs else None
 
 
 def _require_begun(out: Path, address: str | None) -> None:
     """Refuse to resume where there is nothing, before anything is written."""
     with search.quiet():
-        if not storage.there(out, address) or _about(storage.open_storage(out, address)) is None:
+        if not storage.study_exists(out, address) or _finished_shared_study(storage.open_storage(out, address)) is None:
             place = out if address is None else address
             raise ValueError(f"{place} has no study that could be resumed: leave --resume out to begin one")
 
@@ -132,13 +132,13 @@ def begin_studies(problem: Problem, out: Path, address: str | None, sweep: Runne
     ValueError
         The folder has the study of another problem.
     """
-    with search.quiet(), storage.alone(out):
+    with search.quiet(), storage.exclusive_folder(out):
         store = storage.open_storage(out, address)
-        if (study := _about(store)) is None:
+        if (study := _finished_shared_study(store)) is None:
             with suppress(KeyError):  # one whose maker was killed
-                optuna.delete_study(study_name=ABOUT, storage=store)
+                optuna.delete_study(study_name=SHARED_STUDY, storage=store)
             shares = largest_effects(problem, sweep)
-            study = optuna.create_study(storage=store, study_name=ABOUT)
+            study = optuna.create_study(storage=store, study_name=SHARED_STUDY)
             study.set_user_attr("moved", shares)
             study.set_user_attr("problem", key(problem))  # the last, by which it counts as made
         if study.user_attrs.get("problem") != key(problem):
@@ -154,7 +154,7 @@ def key(problem: Problem) -> str:
     return f"{EVALUATION} {problems.digest(problem)}" + str([r[:6] for r in problem.ranges])
 
 
-def job_of(
+def make_job(
     problem: Problem,
     shares: Mapping[str, float],
     out: Path,
@@ -231,7 +231,7 @@ def tune(
             f"no parameter of {', '.join(r.name for r in problem.ranges)} moves a metric by {MOVED:g} of its band's "
             "width: name others with --parameters, or other targets, with a new --out"
         )
-    job = job_of(problem, shares, out, budget, address, sampler, seed)
+    job = make_job(problem, shares, out, budget, address, sampler, seed)
     start = _start(problem, sweep, pace)
     for again in (confirm, False):
         pace.begin("set", job.name, LAST | ({"set": budget} if again else {}), budget)
@@ -251,7 +251,7 @@ def tune(
 
 def _start(problem: Problem, sweep: Runner, pace: Pace) -> Start:
     """The starting point, read on the whole map and driven with its own handwheel angles before the search."""
-    case = (problem, problems.own(problem))
+    case = (problem, problems.own_values(problem))
     pace.begin("check", OWN_ANGLES, {})
     ((driven, compiled),) = sweep(
         _time_compiling, [(own_angles.evaluate_with_own_angles, case)], words=lambda job: OWN_ANGLES
@@ -281,7 +281,7 @@ def map_margins(case: tuple[Problem, Mapping[str, float]], points: Sequence[Cell
     problem, values = case
     car = _rounded_quietly(problem, values)
     if points is not None:
-        return margin_map.at(points, car, problem.law, problem.chassis)
+        return margin_map.map_points(points, car, problem.law, problem.chassis)
     loads = tuple(dict.fromkeys(c.load for c in problem.conditions))
     return margin_map.of_car(car, problem.law, loads, problem.chassis)
 
@@ -289,7 +289,7 @@ def map_margins(case: tuple[Problem, Mapping[str, float]], points: Sequence[Cell
 def rounded(problem: Problem, values: Mapping[str, float]) -> Car:
     """The car of a set as its file has it: what differs from the starting car has ``DIGITS`` digits."""
     car = problems.tuned_car(problem, values)
-    if values == problems.own(problem):
+    if values == problems.own_values(problem):
         return car
     start, own = problem.car.data()["assist"], car.data()["assist"]
     return cars.load(car, changes={f"assist.{k}": _rounded(x) for k, x in own.items() if x != start.get(k)})
@@ -363,7 +363,7 @@ def _outcome(
     for t in chain(*trials.values()):
         distinct.setdefault(tuple(sorted(t.params.items())), t)
     every = list(distinct.values())
-    own = next((t for t in every if t.params == problems.own(problem)), None)
+    own = next((t for t in every if t.params == problems.own_values(problem)), None)
     leader, cells, tried = _safest(problem, search.rank(every), sweep, pace)
     named = {key: t for key, t in (("start", own), ("best", leader)) if t is not None}
     driven = {"start": start.driven}

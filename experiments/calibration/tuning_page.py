@@ -38,7 +38,7 @@ LABELS = {
     "random": "random search",
 }
 BOOST_SPEEDS, BOOST_POINTS = 4, 71  # of the picture of the boost
-REACH = 1.5  # of the farthest marked set, up to which the axes of the front go; assumed [1]
+AXIS_REACH = 1.5  # of the farthest marked set, up to which the axes of the front go; assumed [1]
 
 
 def label(name: str) -> str:
@@ -62,7 +62,7 @@ def ends(values: Any, marks: Sequence[Sequence[float]]) -> list[float]:
     """Ends (K,) of the axes of the front: all sets (N, K) where they are near, and the marked ones [1]."""
     farthest = np.max([*marks, *_front(values)], axis=0)
     most = np.maximum(np.max([*marks, *values], axis=0), 0.1)
-    return [float(x) for x in np.minimum(1.05 * most, np.maximum(REACH * farthest, 0.1))]
+    return [float(x) for x in np.minimum(1.05 * most, np.maximum(AXIS_REACH * farthest, 0.1))]
 
 
 def outside(values: Any, ends: Sequence[float]) -> int:
@@ -108,7 +108,7 @@ def _span(trial: FrozenTrial | None, name: str) -> tuple[float, float]:
     return float(np.min(known)), float(np.max(known))
 
 
-def _off(o: Outcome, trial: FrozenTrial | None, name: str) -> str:
+def _metric_off_band(o: Outcome, trial: FrozenTrial | None, name: str) -> str:
     if trial is None:
         return "–"
     each = trial.user_attrs["details"]["metrics"]
@@ -119,7 +119,7 @@ def _off(o: Outcome, trial: FrozenTrial | None, name: str) -> str:
 
 def _bands_of_set(o: Outcome, trial: FrozenTrial | None) -> tuple[str, ...]:
     """The counted bands that a set reaches in all conditions."""
-    return () if trial is None else tuple(name for name in o.counted if _off(o, trial, name) == "in band")
+    return () if trial is None else tuple(name for name in o.counted if _metric_off_band(o, trial, name) == "in band")
 
 
 def other(o: Outcome) -> FrozenTrial | None:
@@ -149,8 +149,8 @@ def _broken(trial: FrozenTrial | None, cells: Sequence[Cell]) -> tuple[str, ...]
         found = {constraints.kind(name) for name, far in trial.constraints.items() if far > 0.0}
     found |= {words for cell in cells for words in cell.broken}
     if cells:
-        found.discard(constraints.KINDS["map"])  # the cells say which margin
-    return tuple(words for words in constraints.KINDS.values() if words in found)
+        found.discard(constraints.LIMIT_WORDS["map"])  # the cells say which margin
+    return tuple(words for words in constraints.LIMIT_WORDS.values() if words in found)
 
 
 def answer(o: Outcome) -> Answer:
@@ -229,7 +229,7 @@ def _bands(o: Outcome) -> dict[str, Any]:
         low, high = o.problem.bands[name].good
         before, after = _span(o.own, name), _span(against, name)
         shown = [f"{number(a)} to {number(b)}" for a, b in (before, after)]
-        off = [_off(o, o.own, name), _off(o, against, name)]
+        off = [_metric_off_band(o, o.own, name), _metric_off_band(o, against, name)]
         rows.append((in_words(name), unit(units[name]), f"{low:g} to {high:g}", shown[0], off[0], shown[1], off[1]))
         if not any(map(math.isnan, (*before, *after))):
             of = {"start": before, "best" if o.best is not None else "nearest": after}
@@ -340,7 +340,7 @@ def parameters(o: Outcome, shares: Mapping[str, Mapping[str, float]]) -> dict[st
     return {"rows": rows, "ends": ends, "count": sum(map(len, o.trials.values())), "picture": drawn}
 
 
-def build(o: Outcome) -> tuple[Page, dict[str, Any]]:
+def build_page(o: Outcome) -> tuple[Page, dict[str, Any]]:
     """The page and its numbers as JSON."""
     sets = {label(key): len(trials) for key, trials in o.trials.items()}
     confirmed = " and ".join(f"{name} ({count})" for name, count in sets.items())
@@ -351,14 +351,14 @@ def build(o: Outcome) -> tuple[Page, dict[str, Any]]:
         "before": _bands_of_set(o, o.own),
         "compared": _comparison(o, found),
         "constraints": constraints,
-        "few": feasibility.FEW,
+        "few": feasibility.FEW_SETS,
         "population": search.POPULATION,
         "moved": MOVED,
         "sets": sets,
         "short": {
             label(key): len(trials)
             for key, trials in o.trials.items()
-            if key.endswith("nsga2") and len(trials) < feasibility.FEW
+            if key.endswith("nsga2") and len(trials) < feasibility.FEW_SETS
         },
         "feasible": feasibility.sentences(o.problem, o.feasibility, _units(o), confirmed),
         "left": [name for name in o.problem.bands if name not in o.counted],

@@ -17,7 +17,7 @@ from steer_env.experiments.calibration.problem import Range
 from steer_env.friction import gear
 from steer_env.friction.law import LAWS
 from steer_env.friction.sites import Sites, with_defaults
-from steer_env.manoeuvres.common.driving import BESIDE, FAR, FoundAmplitude, search
+from steer_env.manoeuvres.common.driving import BESIDE, FAR_START_AMPLITUDE, FoundAmplitude, search
 from steer_env.metrics import definition
 from steer_env.tuning import driving, parameters, reward
 from steer_env.tuning.env import SPEED
@@ -101,7 +101,7 @@ def quantity(car: Car, law: Any, name: str, what: str = "--parameters") -> Quant
     """
     if name in KNOWN:
         p = KNOWN[name]
-        return Quantity(p.unit, p.value(car.assist, 0.0), problem.ranges_of(car.assist, [name])[0].limits)
+        return Quantity(p.unit, p.value(car.assist, 0.0), problem.tuning_ranges(car.assist, [name])[0].limits)
     if name in CONDITIONS:
         own, limits, unit = CONDITIONS[name]
         return Quantity(unit, own, limits)
@@ -229,7 +229,7 @@ def near_nominal(study: Study) -> Study:
             m = each.manoeuvre
             if m.name not in found and m.lateral_acceleration is not None and m.amplitude is None:
                 with suppress(ValueError):
-                    found[m.name] = search(driving.build_test(each, car, drawn), m, near=FAR)
+                    found[m.name] = search(driving.build_test(each, car, drawn), m, near=FAR_START_AMPLITUDE)
     return study._replace(near=found)
 
 

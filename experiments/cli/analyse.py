@@ -27,12 +27,12 @@ def run(args: argparse.Namespace) -> None:
     from steer_env.experiments.pages.options import progress
     from steer_env.experiments.reports import analysis, analysis_page
 
-    page.check(args.out, analysis.NAME)
+    page.check(args.out, analysis.PAGE_NAME)
     car = car_options.load(args)
     law = options.friction(args, car)
     with progress("linearising") as notify:
         results = analysis.collect(car, law, args.chassis, notify)
-    found, data = analysis_page.build(results)
+    found, data = analysis_page.build_page(results)
     print("\n".join(found.verdict))
     words = _without_out(args.argv)
     trace = provenance.trace(command=words, result=args.out.name, car=car, friction={law.label: law.parameters})

@@ -31,7 +31,7 @@ def run(args: argparse.Namespace) -> None:
     from steer_env.friction.numerics.check import positive
 
     seconds = positive("--seconds", args.seconds)
-    page.check(args.out, bench.NAME)
+    page.check(args.out, bench.PAGE_NAME)
     cases, notes = step_time.cases(args.quick)
     with progress("timing") as notify:
         measured = step_time.measure(cases, seconds, lambda part: notify(0.7 * part, "steps"))
@@ -40,6 +40,6 @@ def run(args: argparse.Namespace) -> None:
             notify(0.7, "first steps")
             with tempfile.TemporaryDirectory() as cache:
                 starts = step_time.starts(cases, cache)
-    found, data = bench.build(step_time.Results(*measured, starts, notes))
+    found, data = bench.build_page(step_time.Results(*measured, starts, notes))
     print("\n".join(found.timing))
     print(page.write(args.out, found, data, provenance.trace(command=None, result=args.out.name)))

@@ -66,8 +66,8 @@ def run(args: argparse.Namespace) -> int:
         results = benchmark.enter(entries, of, seeds, notify, runner(args))
     args.out.mkdir(parents=True, exist_ok=True)
     for result in results:
-        path = args.out / benchmark.name_of(result)
-        write_text(path, benchmark.text_of(benchmark.document(result)))
+        path = args.out / benchmark.result_file_name(result)
+        write_text(path, benchmark.result_text(benchmark.document(result)))
         print(f"{path}: score {benchmark_page.spread(benchmark.score(result))}")
     print(benchmark_page.write(args.out))
     return 0
@@ -105,7 +105,7 @@ def _verify(args: argparse.Namespace) -> int:
     if others := traces.other_program(traces.read(file)):
         print(f"steer-env: caution: {file} was made by another program: {others}", file=sys.stderr)
     with progress("driving") as notify:
-        same = benchmark.again(said, who, notify, runner(args))
+        same = benchmark.rerun_result(said, who, notify, runner(args))
     changed = [f"{drive}, {whose}, seed {seed}" for (drive, whose, seed), equal in same.items() if not equal]
     if not changed:
         print(f"{file}: driven again, all {len(same)} episodes are the same")

@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> None:
         print(json.dumps(car.data(), indent=2))
         return
     out = Path(args.out or f"car_{car.name}")
-    live = options.live(args)
+    live = options.live_page_beside(args)
 
     from steer_env.experiments.cli.common.tables import print_quantities
     from steer_env.experiments.pages import files, provenance
@@ -61,7 +61,7 @@ def run(args: argparse.Namespace) -> None:
         notify(0.0, "compiling and driving")
         trace = provenance.trace(command=args.argv, result=out.name, car=car)
         beside = live(car, {law: resolve(law) for law in (car.friction, "lugre", "masing")}) if live else None
-        found = car_page.build(out, car, trace, beside)
+        found = car_page.write_car_page(out, car, trace, beside)
     print_quantities(found, car.name)
     print(out / "index.html")
 

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 GROUP = "drive"
 COURSES = ("plain", "double-lane-change", "obstacle-avoidance")  # of steer_env.live.drive.scene
 NICE = -10  # of the threads of Python where the loop has a priority; assumed
-MOST = 9  # configurations, as there are keys 1 to 9
-_KEYS = ("vehicle", "tyre", "set", "friction", "chassis")
+MOST_CONFIGURATIONS = 9  # configurations, as there are keys 1 to 9
+_CONFIGURATION_KEYS = ("vehicle", "tyre", "set", "friction", "chassis")
 
 
 def add(parser: argparse.ArgumentParser) -> None:
@@ -38,7 +38,8 @@ def add(parser: argparse.ArgumentParser) -> None:
     car_options.add(parser)
     options.add(parser, "--chassis", default="two_track", choices=names.chassis())
     text = (
-        f"a further configuration by what differs from the first, as words of {', '.join(f'{k}=...' for k in _KEYS)}: "
+        "a further configuration by what differs from the first, as words of "
+        f"{', '.join(f'{k}=...' for k in _CONFIGURATION_KEYS)}: "
         '--b "friction=dahl set=column.K_tb=143"; may be repeated'
     )
     parser.add_argument(
@@ -246,8 +247,8 @@ def _differences(text: str) -> argparse.Namespace:
         if not words:
             raise ValueError("it is empty")
         for word in words:
-            if word.partition("=")[0] not in _KEYS or "=" not in word:
-                raise ValueError(f"{word!r} is none of {', '.join(f'{key}=...' for key in _KEYS)}")
+            if word.partition("=")[0] not in _CONFIGURATION_KEYS or "=" not in word:
+                raise ValueError(f"{word!r} is none of {', '.join(f'{key}=...' for key in _CONFIGURATION_KEYS)}")
         found = parser.parse_args([f"--{word}" for word in words])
         found.label = ", ".join(word.partition("=")[2] for word in words)
     except ValueError as error:
@@ -273,8 +274,10 @@ def _configurations(args: argparse.Namespace, hands: str) -> tuple[list[Any], li
             changes=[*(each for each in args.changes if each[0] not in dict(other.changes)), *other.changes],
         )
         wanted.append((other.label, mixed, other.friction or wanted[0][2], other.chassis or args.chassis))
-    if len(wanted) > MOST:
-        raise ValueError(f"{len(wanted)} configurations are given, and there are keys for {MOST}: leave some out")
+    if len(wanted) > MOST_CONFIGURATIONS:
+        raise ValueError(
+            f"{len(wanted)} configurations are given, and there are keys for {MOST_CONFIGURATIONS}: leave some out"
+        )
     configurations, cars = [], []
     for label, given, law, chassis in wanted:
         car = car_options.load(given)

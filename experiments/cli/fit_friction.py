@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from steer_env.experiments.cli.common import inputs, names, options
 from steer_env.experiments.cli.common.extras import require_format
-from steer_env.experiments.cli.common.recordings import add_reading, can_options, check_can, mapping_of, read
+from steer_env.experiments.cli.common.recordings import add_reading, can_options, check_can, load_mapping, read
 from steer_env.experiments.pages import car_options
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from steer_env.vehicle.cars import Car
 
 GROUP = "friction"
-ALL = "all"
+ALL_LAWS = "all"
 COLUMN = ("level", "presliding_deg")  # keys of --to-column
 
 
@@ -28,7 +28,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     packaged = ", ".join(names.friction_records())
     text = f"the record: {packaged} (packaged), or a file: .csv.gz, {names.RECORDED}"
     parser.add_argument("file", metavar="DATA", help=text)
-    text = f"laws to fit: {ALL} (default), or some of {', '.join(names.laws())}"
+    text = f"laws to fit: {ALL_LAWS} (default), or some of {', '.join(names.laws())}"
     parser.add_argument("--law", metavar="LAW", nargs="+", action="extend", help=text)
     text = "for index.html, fit.json and LAW.json, replaced as a whole"
     options.add_page(parser, text, otherwise="friction_NAME")
@@ -108,7 +108,7 @@ def run(args: argparse.Namespace) -> None:
     from steer_env.friction.numerics.check import number
     from steer_env.vehicle import cars
 
-    laws = list(LAWS.available()) if args.law in (None, [ALL]) else list(dict.fromkeys(args.law))
+    laws = list(LAWS.available()) if args.law in (None, [ALL_LAWS]) else list(dict.fromkeys(args.law))
     for law in laws:
         LAWS[law]  # refuses an unknown one with those that are known
     held_out = None
@@ -117,7 +117,7 @@ def run(args: argparse.Namespace) -> None:
     if args.held_out is not None:
         held_out = number("--held-out", args.held_out, minimum=0.0, maximum=0.9)
     out = Path(args.out or f"friction_{name}")
-    live = options.live(args)
+    live = options.live_page_beside(args)
     files.usable(out, friction_fit.contents())
     car = car_options.load(args) if car_options.any_given(args) else None
     record = _record(path, args, car)
@@ -136,9 +136,9 @@ def run(args: argparse.Namespace) -> None:
         result=out.name,
         car=car,
         friction=fitted,
-        inputs=inputs.of(args),
+        inputs=inputs.trace_inputs(args),
         seed=args.seed,
-        mapping=mapping_of(0, args).plain(),
+        mapping=load_mapping(0, args).plain(),
     )
     beside = live(car or cars.load(), fitted) if live and fitted else None
     friction_fit_page.write(out, found, trace, beside)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from steer_env.experiments.cli.common import inputs, names, options
 from steer_env.experiments.cli.common.extras import require_format
-from steer_env.experiments.cli.common.recordings import add_reading, check_can, mapping_of, read, use_packaged_drive
+from steer_env.experiments.cli.common.recordings import add_reading, check_can, load_mapping, read, use_packaged_drive
 from steer_env.experiments.pages import car_options
 
 GROUP = "friction"
@@ -55,11 +55,11 @@ def run(args: argparse.Namespace) -> None:
     from steer_env.experiments.pages import files, provenance
     from steer_env.experiments.pages.options import progress
     from steer_env.experiments.reports import steering_fit
-    from steer_env.friction.sites import named
+    from steer_env.friction.sites import friction_name
     from steer_env.hand_torque import identify, prepared
 
     out = Path(args.out or f"steering_{'_'.join(labels)}")
-    live = options.live(args)
+    live = options.live_page_beside(args)
     files.usable(out, steering_fit.contents())
     car = car_options.load(args)
     drives = []
@@ -91,13 +91,13 @@ def run(args: argparse.Namespace) -> None:
         result=out.name,
         car=car,
         friction={row.name: row.model.friction for row in found.dry if row.model.friction is not None},
-        inputs=inputs.of(args),
+        inputs=inputs.trace_inputs(args),
         seed=args.seed,
-        mapping={name: mapping_of(place, args).plain() for place, name in enumerate(labels)},
+        mapping={name: load_mapping(place, args).plain() for place, name in enumerate(labels)},
     )
     beside = None
     if live and isinstance(of_car, ColumnFit):
-        beside = live(steering_fit.fitted_car(of_car, labels), {named(of_car.friction): of_car.friction})
+        beside = live(steering_fit.fitted_car(of_car, labels), {friction_name(of_car.friction): of_car.friction})
     steering_fit.write(out, found, labels, of_car, trace, beside)
     print(out / "index.html")
 

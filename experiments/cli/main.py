@@ -62,7 +62,7 @@ def _common() -> _Parser:
     return parser
 
 
-def modules_of(argv: Sequence[str]) -> list[str]:
+def imported_modules(argv: Sequence[str]) -> list[str]:
     """The modules that ``--import`` names."""
     return without_imports(argv)[0]
 
@@ -79,7 +79,7 @@ def import_modules(argv: Sequence[str]) -> None:
     A worker process imports them before it works on a case.
     """
     parser = _common()
-    for module in modules_of(argv):
+    for module in imported_modules(argv):
         if module.endswith(".py"):
             name = Path(module).stem
             parser.error(f"--import {module}: give the name of the module, --import {name}, where {name}.py lies")

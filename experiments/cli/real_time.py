@@ -34,7 +34,7 @@ def run(args: argparse.Namespace) -> None:
     from steer_env.friction.numerics.check import number
     from steer_env.live.real_time.measure import lock_memory
 
-    check(args.out, real_time_page.NAME)
+    check(args.out, real_time_page.PAGE_NAME)
     seconds = number("--seconds", args.seconds, minimum=1.0, maximum=86400.0)
     car = car_options.load(args)
     if args.friction:

@@ -41,7 +41,7 @@ def run(args: argparse.Namespace) -> None:
         if labels.count(label) > 1:
             raise ValueError(f"--friction names {label!r} twice")
 
-    live = options.live(args)
+    live = options.live_page_beside(args)
     if live and args.chassis:
         raise ValueError("--live shows the chassis of this project, not an external one: leave --chassis out")
     sweep = runner(args)
@@ -54,13 +54,13 @@ def run(args: argparse.Namespace) -> None:
     gc.freeze()  # what is imported stays, and no collection of garbage looks through it again
     parameters = {law.label: law.parameters for law in laws}
     trace = provenance.trace(
-        command=args.argv, result=args.out.name, car=car, friction=parameters, inputs=inputs.of(args)
+        command=args.argv, result=args.out.name, car=car, friction=parameters, inputs=inputs.trace_inputs(args)
     )
     with progress("compiling and driving") as notify:
         scope = (
             Scope(car=car) if args.chassis is None else Scope(car=car, chassis=args.chassis, vehicle=False, widths=())
         )
         beside = live(car, {law.label: law.text for law in laws}) if live else None
-        results = report.build(args.out, parameters, scope, notify, report.Look(**look), trace, sweep, beside)
+        results = report.build_report(args.out, parameters, scope, notify, report.Look(**look), trace, sweep, beside)
     print(report_findings.verdict(results, report_findings.terms(results, look["noticed"])))
     print(args.out / "index.html")

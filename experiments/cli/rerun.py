@@ -110,15 +110,15 @@ def _check_modules(file: Path, then: Mapping[str, str], words: Sequence[str]) ->
     from steer_env.experiments.pages import own_modules
 
     for name in then:
-        if own_modules.spec_of(name) is None:
+        if own_modules.find_spec(name) is None:
             raise ValueError(
                 f"{file} needs the module {name}, which is neither in the working directory, nor installed, nor beside "
                 "the result: put it there"
             )
-    now = own_modules.digests(main.modules_of(words))
+    now = own_modules.digests(main.imported_modules(words))
     for name in {**then, **now}:
         if now.get(name) != then.get(name):
-            place = getattr(own_modules.spec_of(name), "origin", None)
+            place = getattr(own_modules.find_spec(name), "origin", None)
             known = f"that one's SHA-256 begins with {then[name][:12]}" if name in then else "there was none"
             raise ValueError(f"the module {name}, {place}, is another than {file} was made with: {known}")
 

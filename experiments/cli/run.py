@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from steer_env.vehicle.cars import Car
 
 GROUP = "test"
-ALL = "all"
+ALL_MANOEUVRES = "all"
 FASTEST = names.SAMPLE_RATE  # [Hz]
 FILE_RATE = 200.0  # default rate of a file [Hz]
 FILE_DIGITS = 7  # of the values in a file below the full rate [1]
@@ -40,7 +40,7 @@ class Run(NamedTuple):
 
 def add(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    known = *names.manoeuvres(), ALL
+    known = *names.manoeuvres(), ALL_MANOEUVRES
     parser.add_argument("manoeuvre", metavar="MANOEUVRE", choices=known, help=", ".join(known))
     options.add(parser, "--friction", f"; laws: {', '.join(names.laws())}", otherwise=options.OF_CAR)
     car_options.add(parser)
@@ -61,7 +61,7 @@ def add(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--out", metavar="PATH", default=".", help=text)
     options.add_csv(parser)
-    add_sweep(parser, f"of {ALL}")
+    add_sweep(parser, f"of {ALL_MANOEUVRES}")
 
 
 def run(args: argparse.Namespace) -> None:
@@ -70,11 +70,11 @@ def run(args: argparse.Namespace) -> None:
 
     out = Path(args.out)
     require_format([out])
-    args.inputs = inputs.of(args)
-    if args.manoeuvre == ALL:
+    args.inputs = inputs.trace_inputs(args)
+    if args.manoeuvre == ALL_MANOEUVRES:
         _run_all(args, out)
         return
-    refuse_sweep(args, f"one manoeuvre is one case: use it with {ALL}")
+    refuse_sweep(args, f"one manoeuvre is one case: use it with {ALL_MANOEUVRES}")
     if out.suffix in names.FORMATS:
         if not out.parent.is_dir():
             raise ValueError(f"--out {out}: there is no directory {out.parent}")
@@ -99,9 +99,9 @@ def _run_all(args: argparse.Namespace, out: Path) -> None:
     own = args.chassis if args.chassis in names.chassis() else None
     for name, value in (("--chassis", own), ("--speed-kph", args.speed_kph), ("--road", args.road)):
         if value is not None:
-            raise ValueError(f"{name} does not suit every manoeuvre: leave it out with {ALL}")
+            raise ValueError(f"{name} does not suit every manoeuvre: leave it out with {ALL_MANOEUVRES}")
     if out.suffix:
-        raise ValueError(f"--out of {ALL} must be a directory, got {str(out)!r}")
+        raise ValueError(f"--out of {ALL_MANOEUVRES} must be a directory, got {str(out)!r}")
     out.mkdir(parents=True, exist_ok=True)
     sweep = runner(args)
     options = {key: value for key, value in vars(args).items() if key not in ("function", "out", *SWEEP)}
@@ -222,7 +222,7 @@ def _trace(args: argparse.Namespace, manoeuvre: str, car: "Car", law: "Friction"
     """What one recording is made from; of several manoeuvres that one command drives, its own."""
     from steer_env.experiments.pages import provenance
 
-    command = [manoeuvre if word == ALL else word for word in args.argv]
+    command = [manoeuvre if word == ALL_MANOEUVRES else word for word in args.argv]
     laws = {law.label: law.parameters}
     return provenance.trace(
         command=command, result=out.name, car=car, friction=laws, inputs=args.inputs, seed=args.seed

@@ -24,7 +24,7 @@ GROUP = "car"
 SAMPLERS = ("surface", "tpe", "nsga2", "nsga3", "random")
 FILES = ("index.html", "tune.json", "best.toml", "start.toml", "before", "after", "live")
 MOST_WORKERS = 64  # at the address of a cluster, which has a number of its own
-TOLD = 10.0  # between lines without a terminal [s]
+PROGRESS_INTERVAL = 10.0  # between lines without a terminal [s]
 POLL = 1.0  # between looks at how far the search is [s]
 
 
@@ -63,7 +63,10 @@ def run(args: argparse.Namespace) -> None:
 
     from steer_env.experiments.pages.options import progress
 
-    with _going_on(args), progress("tuning", every=TOLD) as notify:  # importing takes some of the first ten seconds
+    with (
+        _going_on(args),
+        progress("tuning", every=PROGRESS_INTERVAL) as notify,
+    ):  # importing takes some of the first ten seconds
         car, outcome = _tuned(args, notify)
     if args.report and outcome.best is not None:
         for name, file in (("before", "start.toml"), ("after", "best.toml")):
@@ -72,7 +75,7 @@ def run(args: argparse.Namespace) -> None:
 
 def _tuned(args: argparse.Namespace, notify: Callable[[float, str], None]) -> tuple[Any, Any]:
     """The car before, and the outcome, which is written."""
-    live = options.live(args)
+    live = options.live_page_beside(args)
 
     from steer_env import targets
     from steer_env.experiments import sweep
@@ -147,7 +150,7 @@ def _write(args: argparse.Namespace, posed: Any, outcome: Any, live: Any) -> Non
     from steer_env.experiments.cli.common.sweeping import unswept
     from steer_env.experiments.pages import pages as page
     from steer_env.experiments.pages import provenance
-    from steer_env.friction.sites import named
+    from steer_env.friction.sites import friction_name
     from steer_env.vehicle import cars
 
     cars.write(posed.car, args.out / "start.toml")
@@ -155,15 +158,15 @@ def _write(args: argparse.Namespace, posed: Any, outcome: Any, live: Any) -> Non
     if outcome.best is not None:
         tuned = tuning.rounded(posed, outcome.best.params)
         cars.write(tuned, args.out / "best.toml")
-        beside = live(tuned, {named(posed.law): posed.law}) if live else None
+        beside = live(tuned, {friction_name(posed.law): posed.law}) if live else None
     else:
         (args.out / "best.toml").unlink(missing_ok=True)
-    found, data = tuning_page.build(outcome)
+    found, data = tuning_page.build_page(outcome)
     trace = provenance.trace(
         command=unswept(args, "--out", "--storage"),
         result=args.out.name,
         car=posed.car,
-        friction={named(posed.law): posed.law},
+        friction={friction_name(posed.law): posed.law},
         seed=args.seed,
     )
     page.write_page(args.out, found, page.numbers(found, data), trace, beside)

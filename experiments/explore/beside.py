@@ -7,14 +7,14 @@ from urllib.parse import urlencode
 
 from steer_env.experiments.explore import parameters
 from steer_env.experiments.explore.writing import explore
-from steer_env.experiments.pages.pages import LIVE
+from steer_env.experiments.pages.pages import LIVE_FOLDER
 from steer_env.friction import sites
 from steer_env.friction.law import as_mapping, law_of, make
 from steer_env.vehicle import chassis as chassis_models
 from steer_env.vehicle.cars import Car
 
 
-class Beside(NamedTuple):
+class PageBeside(NamedTuple):
     """A car with friction laws that a page links to."""
 
     car: Car
@@ -22,7 +22,7 @@ class Beside(NamedTuple):
     chassis: Sequence[str] = chassis_models.available()
 
     def write(self, folder: Path) -> list[tuple[str, str]]:
-        """Write the page into ``folder / LIVE``, and give label and address of each law.
+        """Write the page into ``folder / LIVE_FOLDER``, and give label and address of each law.
 
         The address is empty where the page's fields would refuse the parameters of the law, or do not give them.
         Without a law that has an address there is no page.
@@ -33,13 +33,13 @@ class Beside(NamedTuple):
             As of :func:`steer_env.experiments.explore.explore`.
         """
         found = {label: address(self.car, law, self.chassis[0]) for label, law in self.laws.items()}
-        names = dict.fromkeys(name_of(self.laws[label]) for label, values in found.items() if values)
+        names = dict.fromkeys(law_display_name(self.laws[label]) for label, values in found.items() if values)
         if names:
-            explore(folder / LIVE, vehicle=self.car, friction=list(names), chassis=self.chassis)
-        return [(label, values and f"{LIVE}/index.html#{values}") for label, values in found.items()]
+            explore(folder / LIVE_FOLDER, vehicle=self.car, friction=list(names), chassis=self.chassis)
+        return [(label, values and f"{LIVE_FOLDER}/index.html#{values}") for label, values in found.items()]
 
 
-def name_of(law: Any) -> str:
+def law_display_name(law: Any) -> str:
     """What the page calls a law in a form of :func:`steer_env.friction.sites.resolve`, or sites, which are text."""
     p = sites.resolve(law)
     return sites.as_text(law) if isinstance(p, sites.Sites) else law_of(p).name
@@ -47,7 +47,7 @@ def name_of(law: Any) -> str:
 
 def address(car: Car, law: Any, chassis: str) -> str:
     """What the page's address holds behind # for a law or sites; empty where the page does not give its parameters."""
-    p, name = sites.resolve(law), name_of(law)
+    p, name = sites.resolve(law), law_display_name(law)
     try:
         fields = {q.name: q for q in parameters.every(car, name, chassis)}
     except ValueError:  # it falls too steeply with the speed for sliders

@@ -16,7 +16,7 @@ from steer_env.vehicle.cars import Car, contents
 CHANNELS = tuple(
     dict.fromkeys(
         name
-        for each in drives.SHOWN.values()
+        for each in drives.SHOWN_MANOEUVRES.values()
         for name in (*(channel for pair in each.pictures for channel in pair), *each.channels)
         if name != drives.TIME
     )
@@ -56,6 +56,6 @@ def files() -> dict[str, Any]:
         "rate": drives.RATE,
         "environment": {
             **{key: id_of(task) for key, task in TASKS.items()},
-            "options": {parameters.SCALE: "friction_level", parameters.LOAD: "load"},
+            "options": {parameters.SCALE_NAME: "friction_level", parameters.LOAD_NAME: "load"},
         },
     }

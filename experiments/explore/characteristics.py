@@ -19,7 +19,7 @@ from steer_env.vehicle.steering.eps import SAMPLE_TIME
 Array = NDArray[np.float64]
 
 # A loop in which the law slides, with a small loop inside it, in which it hardly does; assumed [rad].
-TURNS = (0.0, 0.05, -0.05, 0.0, -0.006, 0.05)
+LOOP_TURNS = (0.0, 0.05, -0.05, 0.0, -0.006, 0.05)
 PACE = 0.1  # speed in the loop; assumed [rad/s]
 SPEEDS = 2.0 * (np.arange(-15.0, 16.0, 2.0) / 15.0) ** 3  # of steady sliding, closest where small; assumed [rad/s]
 SLIDE = 0.2  # displacement after which sliding is steady; assumed [rad]
@@ -32,8 +32,8 @@ PERIODS = 3  # of each sine, the last of which is read
 
 def loop() -> tuple[Array, float]:
     """Displacements (SAMPLES,) through the turning points [rad], and the time between them [s]."""
-    way = np.append(0.0, np.cumsum(np.abs(np.diff(TURNS))))
-    return np.interp(np.linspace(0.0, way[-1], SAMPLES), way, TURNS), float(way[-1] / (SAMPLES - 1) / PACE)
+    way = np.append(0.0, np.cumsum(np.abs(np.diff(LOOP_TURNS))))
+    return np.interp(np.linspace(0.0, way[-1], SAMPLES), way, LOOP_TURNS), float(way[-1] / (SAMPLES - 1) / PACE)
 
 
 def slide(speed: float) -> tuple[Array, float]:

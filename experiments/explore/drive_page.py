@@ -20,7 +20,7 @@ DEVICES = ("keyboard", "mouse", "gamepad", "wheel")  # of those of steer_env.liv
 LAG = 25.0  # that the simulated time is behind the clock at most [ms]
 PERIOD = 4.0  # between two turns of the worker, the shortest that browsers allow [ms]
 DEAD_ZONE = 0.05  # of a stick around its middle; assumed [1]
-KEPT = 1800.0  # time that a recording keeps; assumed [s]
+KEPT_RECORDING_TIME = 1800.0  # time that a recording keeps; assumed [s]
 # Of a pad's motor: time of one effect [ms], departure of the torque from its mean that gives the full strength [N m],
 # and that strength [1]; assumed.
 RUMBLE = {"duration": 60.0, "full": 0.3, "strength": 0.35}
@@ -48,7 +48,7 @@ def declared(car: Car) -> dict[str, Any]:
         "pace": {"lag": LAG, "halt": 1e3 * driven.STOOD, "period": PERIOD},
         "devices": {name: devices.options(name) for name in DEVICES},
         "deadZone": DEAD_ZONE,
-        "buttons": {str(number): command for number, command in commands.buttons_of(commands.BUTTONS).items()},
+        "buttons": {str(number): command for number, command in commands.parse_buttons(commands.BUTTONS).items()},
         "hands": {"lag": hands.WANTED_LAG, "recentred": device.RECENTRED},
         "held": {"step": hands.SPEED_STEP, "fastest": hands.FASTEST},
         "exchange": {
@@ -76,7 +76,7 @@ def declared(car: Car) -> dict[str, Any]:
         "tracks": [car.chassis["front_track"], car.chassis["rear_track"]],
         "recording": {
             "samples": log.SAMPLES,
-            "kept": KEPT,
+            "kept": KEPT_RECORDING_TIME,
             "own": [list(each) for each in log.OWN_COLUMNS.values()],
             "sums": list(log.SUMS),
             "last": list(log.LAST),
@@ -98,7 +98,7 @@ def declared(car: Car) -> dict[str, Any]:
 
 def _course(name: str, size: iso3888.Footprint) -> dict[str, Any]:
     """The cones of a course (N, 2) and the way from its begin to that of the next [m]."""
-    if name == scene.PLAIN:
+    if name == scene.PLAIN_COURSE:
         return {"cones": [], "period": scene.GAP}
     course = iso3888.course(name, size.width)
     return {"cones": [*course.left.tolist(), *course.right.tolist()], "period": course.length + scene.GAP}

@@ -2,8 +2,8 @@
 
 The hands of every manoeuvre here move in proportion to an amplitude. What they do at an amplitude of 1 is cut into as
 few pieces as polynomials of Chebyshev's form can follow to the last digits at every sample, so that the page knows the
-shape of no manoeuvre. A further manoeuvre is an entry in ``SHOWN``, and where it has metrics of another kind, a script
-that reads them.
+shape of no manoeuvre. A further manoeuvre is an entry in ``SHOWN_MANOEUVRES``, and where it has metrics of another
+kind, a script that reads them.
 """
 
 import inspect
@@ -42,7 +42,7 @@ LEFT_OUT = ("share_at_motor_limit", "motor_limit_rate")  # of the metrics: the p
 
 TIME = "time"
 # Words, unit and scale of what is drawn.
-DRAWN = {
+DRAWN_QUANTITIES = {
     TIME: ("time", "s", 1.0),
     ANGLE: ("handwheel angle", "deg", 1.0 / DEGREE),
     HAND_SPEED: ("handwheel speed", "deg/s", 1.0 / DEGREE),
@@ -61,7 +61,7 @@ DRAWN = {
 }
 
 
-class Shown(NamedTuple):
+class ShownManoeuvre(NamedTuple):
     """How the page shows a manoeuvre."""
 
     title: str
@@ -83,32 +83,32 @@ def _fewest(test: str) -> int:
 
 _LOOPS = ((ANGLE, TORQUE), (AY, TORQUE))
 # While a value changes, the ramp is steered faster and fewer sweeps are: a sample of the drive takes 1 to 2 us.
-SHOWN = {
-    "weave": Shown(
+SHOWN_MANOEUVRES = {
+    "weave": ShownManoeuvre(
         "weave", "loops", (*_LOOPS, (TIME, TORQUE), (TIME, AY), (TIME, RACK)), {"cycles": 3}, (_fewest("weave"), 1),
         channels=(YAW,),
     ),
-    "small-turns": Shown(
+    "small-turns": ShownManoeuvre(
         "small turns", "loops", (*_LOOPS, (TIME, TORQUE), (TIME, ANGLE), (TIME, RACK)), {"cycles": 3},
         (_fewest("weave"), 1), channels=(YAW,), manoeuvre="weave", options=SMALL_TURNS,
     ),
-    "slow-ramp": Shown(
+    "slow-ramp": ShownManoeuvre(
         "slow ramp", "loops", (*_LOOPS, (ANGLE, AY), (TIME, TORQUE), (TIME, RACK)), {"frequency": 0.05, "cycles": 3},
         (_fewest("slow-ramp"), 1), channels=(YAW,),
     ),
-    "release": Shown(
+    "release": ShownManoeuvre(
         "release", "release", ((TIME, ANGLE), (TIME, YAW), (TIME, TORQUE), (TIME, AY), (ANGLE, YAW)), {"events": 1},
         section=(1.0, 9.0),
     ),
-    "step-steer": Shown(
+    "step-steer": ShownManoeuvre(
         "step steer", "steps", ((TIME, YAW), (TIME, AY), (TIME, ANGLE), (TIME, TORQUE), (TIME, RACK)), {"right": False},
         section=(0.8, 5.9), channels=("lateral_speed",),
     ),
-    "parking": Shown(
+    "parking": ShownManoeuvre(
         "parking", "parking", ((ANGLE, TORQUE), (ANGLE, RACK), (TIME, TORQUE), (TIME, RACK), (TIME, "motor_torque")),
         {"cycles": 1}, (parking.FEWEST, 1), (7.5, np.inf), 1500, ("column_speed",),
     ),
-    "catch-up": Shown(
+    "catch-up": ShownManoeuvre(
         "catch-up", "sweeps",
         ((HAND_SPEED, TORQUE), (TIME, TORQUE), (TIME, HAND_SPEED), (TIME, "motor_torque"), (TIME, ANGLE)),
         {"rates": (300.0 * DEGREE, 500.0 * DEGREE, 700.0 * DEGREE)}, section=(0.0, np.inf), points=3000,
@@ -119,8 +119,8 @@ MODULES = (loops, decay, events, free_control, free_hands, step_steer, parking, 
 
 
 def made(name: str, moving: bool = False) -> Manoeuvre:
-    """A manoeuvre of ``SHOWN``, or the shorter one that is driven while a value changes."""
-    shown = SHOWN[name]
+    """A manoeuvre of ``SHOWN_MANOEUVRES``, or the shorter one that is driven while a value changes."""
+    shown = SHOWN_MANOEUVRES[name]
     return make(shown.manoeuvre or name, **{**shown.options, **(shown.moving if moving else {})})
 
 
@@ -135,8 +135,13 @@ def declared(chassis: tuple[str, ...]) -> dict[str, Any]:
     return {
         "rate": RATE,
         "regrip": REGRIP,
-        "drawn": {name: {"label": label, "unit": unit, "scale": scale} for name, (label, unit, scale) in DRAWN.items()},
-        "manoeuvres": {name: _manoeuvre(name, chassis) for name in SHOWN if set(_chassis(made(name))) & set(chassis)},
+        "drawn": {
+            name: {"label": label, "unit": unit, "scale": scale}
+            for name, (label, unit, scale) in DRAWN_QUANTITIES.items()
+        },
+        "manoeuvres": {
+            name: _manoeuvre(name, chassis) for name in SHOWN_MANOEUVRES if set(_chassis(made(name))) & set(chassis)
+        },
         "constants": {module.__name__.rpartition(".")[2]: constants(module) for module in MODULES},
         "filters": {f"{cutoff:g}": _low_pass(cutoff) for cutoff in sorted(_cutoffs())},
         "functions": stability.KEYS,
@@ -149,7 +154,7 @@ def _chassis(manoeuvre: Manoeuvre) -> tuple[str, ...]:
 
 
 def _manoeuvre(name: str, chassis: tuple[str, ...]) -> dict[str, Any]:
-    of, shown = made(name), SHOWN[name]
+    of, shown = made(name), SHOWN_MANOEUVRES[name]
     if of.others or of.driver or of.rig or of.road or not of.robot:
         raise ValueError(f"{of.name} needs more than the motion of a robot's hands, which is all that the page drives")
     drawn = dict.fromkeys(channel for picture in shown.pictures for channel in picture if channel != TIME)

@@ -85,12 +85,12 @@ def path(numbers: Any, tables: Any, memory: Any, scales: Any, x: Any, step: Any,
 
 def _of_path(p: Plant) -> tuple:
     """Types of the arguments of :func:`path` for the law of a plant and ``SAMPLES`` samples."""
-    arrays = [(memory_of(p),), (SAMPLES, 2), (SAMPLES,), (1,), (SAMPLES,)]
+    arrays = [(law_memory_size(p),), (SAMPLES, 2), (SAMPLES,), (1,), (SAMPLES,)]
     friction = sites.bound(p.friction, linked=True) if isinstance(p.friction, sites.Sites) else p.friction
     return (Floats(friction), types.CPointer(types.float64), *(Floats(np.zeros(shape)) for shape in arrays))
 
 
-def memory_of(p: Plant) -> int:
+def law_memory_size(p: Plant) -> int:
     """Floats of the memory of a plant's friction law, at least one."""
     return max(law_of(p.friction).memory_size(p.friction), 1)
 
@@ -101,7 +101,7 @@ Further = Mapping[str, tuple[Any, tuple]]  # name of a function -> its kernel an
 def _kept(kernel: Any, kinds: tuple, name: str, p: Plant, further: Further | None = None) -> bytes:
     """A module with the function ``name`` of a plant, and further ones, from disk or made anew."""
     others = (cache.source_hash(*each, name) for name, each in (further or {}).items())
-    folder = cache.folder_of(kernel, kinds, " ".join((TRIPLE, CPU, FEATURES, *LINK, _zig(), *others)))
+    folder = cache.kernel_folder(kernel, kinds, " ".join((TRIPLE, CPU, FEATURES, *LINK, _zig(), *others)))
     kept = folder / "car.wasm" if folder else None
     if not kept:
         return _linked(car.without_start_state(p), name, further)

@@ -48,7 +48,7 @@ class Parameter(NamedTuple):
 
 
 # Keys with one number: from their usual range.
-_PLAIN = {
+_SINGLE_KEYS = {
     "column.K_tb": "Torsion bar",
     "column.I1": "Inertia of the handwheel",
     "column.I2": "Inertia below the torsion bar",
@@ -66,7 +66,7 @@ _BY_SPEED = {
     "friction_share": ("Friction compensation", 0.0, 1.0),
     "return_gain": ("Active return", 0.0, 10.0),
 }
-SCALE, LOAD, SPEED = "friction_scale", "load", "speed_kph"
+SCALE_NAME, LOAD_NAME, SPEED_NAME = "friction_scale", "load", "speed_kph"
 BOOST = "boost_scale"  # whose factor at each speed has a slider too
 _LAW_SPAN = 3.0  # factor on the default of a law's parameter, either way, over which its slider goes; assumed
 _SPANS = {"x_c": 2.0}  # of others; assumed
@@ -167,7 +167,7 @@ def _of_friction(law: str) -> Iterator[Parameter]:
                 yield found
 
 
-def given(law: str) -> dict[str, Any]:
+def friction_argument(law: str) -> dict[str, Any]:
     """What ``friction=`` takes for a law, or for sites as text, with the parameters that follow another without it."""
     found: dict[str, Any] = {"law": law} if law in LAWS.available() else {**sites.as_given(law)}
     for q in _of_friction(law):
@@ -226,16 +226,16 @@ def _zero_span(unit: str) -> float:
 
 def _of_drive(chassis: str) -> list[Parameter]:
     return [
-        _parameter(SCALE, "Drive", "Friction scale", "1", (0.25, 3.0), 1.0, partial(not_negative, SCALE)),
-        _parameter(LOAD, "Drive", "Load", "kg", (0.0, 500.0), 0.0, partial(not_negative, LOAD)),
-        _parameter(SPEED, "Drive", "Speed", "km/h", (40.0, 160.0), 100.0, partial(_speed, chassis)),
+        _parameter(SCALE_NAME, "Drive", "Friction scale", "1", (0.25, 3.0), 1.0, partial(not_negative, SCALE_NAME)),
+        _parameter(LOAD_NAME, "Drive", "Load", "kg", (0.0, 500.0), 0.0, partial(not_negative, LOAD_NAME)),
+        _parameter(SPEED_NAME, "Drive", "Speed", "km/h", (40.0, 160.0), 100.0, partial(_speed, chassis)),
     ]
 
 
 def _speed(chassis: str, kph: Any) -> float:
     """A held speed [km/h], checked."""
     low, high = (speed / KPH for speed in cars.SPEEDS[chassis])
-    return number(SPEED, kph, minimum=low, maximum=high)
+    return number(SPEED_NAME, kph, minimum=low, maximum=high)
 
 
 def _of_assist(car: Car) -> list[Parameter]:
@@ -255,7 +255,7 @@ def _of_car(car: Car) -> list[Parameter]:
     found = []
     follows = kinds.follows(car.kind)  # and could not be in the car file of the page, nor the radius that changes them
     follows |= {"steering.pinion_radius"} if follows else set()
-    for name, label in _PLAIN.items():
+    for name, label in _SINGLE_KEYS.items():
         if name in follows:
             continue
         section, key = name.split(".")
@@ -301,17 +301,17 @@ def plant(car: Car, law: str, chassis: str, values: Values) -> Plant:
         A value that the car file or the law refuses.
     """
     own = {name.removeprefix("friction."): v for name, v in values.items() if name.startswith("friction.")}
-    made = changed(car, values).loaded(not_negative(LOAD, values.get(LOAD, 0.0)))
-    speed = _speed(chassis, values.get(SPEED, 100.0)) * KPH
+    made = changed(car, values).loaded(not_negative(LOAD_NAME, values.get(LOAD_NAME, 0.0)))
+    speed = _speed(chassis, values.get(SPEED_NAME, 100.0)) * KPH
     p = made.plant(sites.varied(law, own), speed, robot=True, chassis=chassis)
-    return step_limit.checked(p._replace(friction_torque_scale=not_negative(SCALE, values.get(SCALE, 1.0))))
+    return step_limit.checked(p._replace(friction_torque_scale=not_negative(SCALE_NAME, values.get(SCALE_NAME, 1.0))))
 
 
 def changed(car: Car, values: Values) -> Car:
     """The car with values of its keys, and with every function of the assist."""
 
     def keys(section: str) -> dict[str, float]:
-        names = (name for name in _PLAIN if name.startswith(f"{section}."))
+        names = (name for name in _SINGLE_KEYS if name.startswith(f"{section}."))
         return {name.split(".")[1]: values.get(name, _value(car, name)) for name in names}
 
     def table(section: str) -> dict[str, float]:

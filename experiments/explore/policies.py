@@ -29,7 +29,7 @@ from steer_env.vehicle.subsystems.car import input_index
 
 FOLDER = "policies"
 _PATH = [quantity.name for quantity in PATH_OBSERVATIONS]
-_KNOWN = {*CHANNEL, SPEED.name, LAST_ACTION.name, *_PATH}
+_COMPUTED_OBSERVATIONS = {*CHANNEL, SPEED.name, LAST_ACTION.name, *_PATH}
 _ROLES = {HAND: "driver", ASSIST_REQUEST: "assist"}  # by the input of the plant
 
 
@@ -42,11 +42,15 @@ def available() -> tuple[str, ...]:
 
 def _acts(path: Path) -> bool:
     """Whether the page can compute what a policy observes and the form of its network."""
-    about = policy.about(path)
-    return about["algorithm"] == "ppo" and policy.frames_of(about) == 1 and _KNOWN.issuperset(about["observations"])
+    about = policy.read_description(path)
+    return (
+        about["algorithm"] == "ppo"
+        and policy.observation_frames(about) == 1
+        and _COMPUTED_OBSERVATIONS.issuperset(about["observations"])
+    )
 
 
-def file_of(env_id: str) -> str:
+def script_path(env_id: str) -> str:
     """Path of the script of a policy in the folder."""
     return f"{FOLDER}/{env_id.removeprefix('steer_env/')}.js"
 
@@ -61,14 +65,14 @@ def listed() -> list[dict[str, Any]]:
 
 
 def _listed(env_id: str) -> dict[str, Any]:
-    task, about = _task(env_id), policy.about(policy.shipped_policy(env_id))
+    task, about = _task(env_id), policy.read_description(policy.shipped_policy(env_id))
     return {
         "id": env_id,
         "role": _ROLES[task.action.input],
         "about": task.summary,
         "law": about["friction"],
         "speeds": policy.conditions(about).get("randomise", {}).get("speed"),  # [m/s]; None: those of its task
-        "file": file_of(env_id),
+        "file": script_path(env_id),
     }
 
 
@@ -76,7 +80,7 @@ def paths(car: Car) -> dict[str, Any]:
     """The path (P, 4) through each course with cones of the drive, whose first cone stands at x = 0."""
     size = iso3888.footprint(car)
     shift = np.array([APPROACH, 0.0, 0.0, 0.0])
-    return {name: cones.course(name, size)[0] - shift for name in scene.COURSES if name != scene.PLAIN}
+    return {name: cones.course(name, size)[0] - shift for name in scene.COURSES if name != scene.PLAIN_COURSE}
 
 
 def described(env_id: str) -> dict[str, Any]:
@@ -88,10 +92,10 @@ def described(env_id: str) -> dict[str, Any]:
         There is no such policy.
     """
     path, task = policy.shipped_policy(env_id), _task(env_id)
-    about = policy.about(path)
+    about = policy.read_description(path)
     policy.check_observations(path, about, env_id)
     layers, scaling = network.layers(path, about), about["scaling"]
-    environment, caution = about["settings"]["environment"], policy.guard_of(about)
+    environment, caution = about["settings"]["environment"], policy.guard_caution(about)
     dt, normalised = environment["control_dt"], environment.get("normalise", True)
     return {
         "id": env_id,
@@ -131,6 +135,6 @@ def _guard(dt: float, caution: float) -> dict[str, Any]:
         "caution": caution,
         "above": reference_feel.ABOVE,
         "grip": reference_feel.GRIP,
-        "slow": reference_feel.SLOW,
+        "slow": reference_feel.SLOW_HANDWHEEL_SPEED,
         "halfSpeed": reference_feel.HALF_SPEED,
     }

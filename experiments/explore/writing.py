@@ -40,16 +40,18 @@ from steer_env.metrics.common import just_noticeable
 from steer_env.vehicle import cars, plant
 from steer_env.vehicle import chassis as chassis_models
 from steer_env.vehicle.cars import Car
-from steer_env.vehicle.layout import size_of
+from steer_env.vehicle.layout import state_size
 from steer_env.vehicle.subsystems import car as whole_car
 from steer_env.vehicle.subsystems.machine_code import require_compiled
 
-PAGE = Path(__file__).parent / "page"
+PAGE_FOLDER = Path(__file__).parent / "page"
 MODULES = "modules"
-CONTENTS = frozenset((*(file.name for file in PAGE.iterdir()), MODULES, policies.FOLDER, "declared.js", "tables.js"))
+CONTENTS = frozenset(
+    (*(file.name for file in PAGE_FOLDER.iterdir()), MODULES, policies.FOLDER, "declared.js", "tables.js")
+)
 LAWS_SHOWN = ("lugre", "masing", "dahl", "coulomb", "viscous")  # by default, after the friction of the car
-APART = ("coulomb", "masing")  # laws that are pinned first, as they differ in small turns
-LARGE = 1000  # numbers from which on a table is written once for all modules
+PINNED_LAWS = ("coulomb", "masing")  # laws that are pinned first, as they differ in small turns
+SHARED_TABLE_SIZE = 1000  # numbers from which on a table is written once for all modules
 # Parameters on which the stability of the assist's loop depends, and those that hands and friction need.
 _NAMED = ("column.", "assist.", "robot", "rack_limit", "pinion_radius", "friction_torque_scale")
 
@@ -130,9 +132,9 @@ def explore(
         _write(out / "declared.js", "steerDeclared", declared(car, wanted))
         (out / policies.FOLDER).mkdir()
         for env_id in policies.available():
-            _write(out / policies.file_of(env_id), "steerModule", _policy(car, env_id))
+            _write(out / policies.script_path(env_id), "steerModule", _policy(car, env_id))
         _write(out / "tables.js", "steerTables", {name: _packed(values) for name, values in shared.items()})
-        for file in PAGE.iterdir():
+        for file in PAGE_FOLDER.iterdir():
             shutil.copyfile(file, out / file.name)
     return Path(folder) / "index.html"
 
@@ -164,7 +166,7 @@ def _module(car: Car, which: Combination, shared: dict[str, list[float]]) -> dic
     for leaf in leaves(p):
         if leaf.table:
             values = _floats(leaf)
-            if len(values) >= LARGE:
+            if len(values) >= SHARED_TABLE_SIZE:
                 name = ".".join(leaf.path)
                 if shared.setdefault(name, values) != values:
                     raise ValueError(f"the chassis have different tables {name}")
@@ -207,14 +209,14 @@ def structure(car: Car, which: Combination) -> dict[str, Any]:
         "parameters": [_field(each) for each in fields],
         "numbers": packed(p).tolist(),
         "dependences": packing.as_data(packing.dependences(fields, numbers_of)),
-        "states": size_of(p),
+        "states": state_size(p),
         "given": subsystem.given_size,
         "inputs": subsystem.inputs,
         "channels": [name for name, _ in plant.channels(p)],
         "zeroStates": list(subsystem.zero_states),
         "zeroOutputs": list(subsystem.zero_outputs),
         "drive": drive_page.of_module(subsystem),
-        "memory": module.memory_of(p),
+        "memory": module.law_memory_size(p),
         "path": module.SAMPLES,
         "places": {name: [at.start, at.stop] for name, at in slices(p).items() if name.startswith(_NAMED)},
         **_begun(car, which, p),
@@ -246,14 +248,14 @@ def declared(car: Car, wanted: Sequence[Combination]) -> dict[str, Any]:
         "opening": _opening(wanted),
         "policies": policies.listed(),
         "beginnings": {body: _beginning(body) for body in bodies},
-        "speed": {"name": parameters.SPEED, "unit": parameters.KPH},
+        "speed": {"name": parameters.SPEED_NAME, "unit": parameters.KPH},
         "drives": drives.declared(bodies),
         "characteristics": characteristics.declared(),
         "drive": drive_page.declared(car),
         "recording": carrying.recording_settings(),
         "noticed": {
             "share": just_noticeable.SHARE,
-            "least": just_noticeable.LEAST,
+            "least": just_noticeable.LEAST_STIMULUS,
             "sustained": sorted(just_noticeable.SUSTAINED),
             "words": [just_noticeable.PERCEPTIBLE, just_noticeable.IMPERCEPTIBLE, just_noticeable.UNKNOWN],
         },
@@ -263,7 +265,7 @@ def declared(car: Car, wanted: Sequence[Combination]) -> dict[str, Any]:
 def _opening(wanted: Sequence[Combination]) -> str:
     """What the page shows where its address names nothing: its first law in small turns, with two others pinned."""
     first, *others = dict.fromkeys(each.law for each in wanted)
-    pinned = sorted(others, key=lambda law: law not in APART)[:2]
+    pinned = sorted(others, key=lambda law: law not in PINNED_LAWS)[:2]
     body = {"chassis": wanted[0].chassis}
     pins = {pin: urlencode({"law": law, **body}) for pin, law in zip("AB", pinned)}
     return urlencode({"law": first, **body, "manoeuvre": "small-turns", **pins})
@@ -271,16 +273,16 @@ def _opening(wanted: Sequence[Combination]) -> str:
 
 def _law(law: str) -> dict[str, Any]:
     """A law, or sites as text, by its name and label, what it is, and what ``friction=`` takes for it."""
-    given = parameters.given(law)
+    given = parameters.friction_argument(law)
     if law in LAWS.available():
-        return {"name": law, "label": law.replace("_", " "), "about": _about(law), "given": given}
+        return {"name": law, "label": law.replace("_", " "), "about": _law_description(law), "given": given}
     words = {site: site.replace("_", " ") for site in given}
     label = re.sub(r"@(\w+)(\+?)", lambda found: f" at {words[found[1]]}{found[2] and ' + '}", law)
-    about = "; ".join(f"{words[site]}: {_about(own['law'])}" for site, own in given.items())
+    about = "; ".join(f"{words[site]}: {_law_description(own['law'])}" for site, own in given.items())
     return {"name": law, "label": label, "about": about, "given": given}
 
 
-def _about(law: str) -> str:
+def _law_description(law: str) -> str:
     """What the module of a law says of it, in its first line."""
     text = getdoc(sys.modules[LAWS[law].parameters.__module__]) or ""
     return text.splitlines()[0].rstrip(".") if text else law

@@ -25,7 +25,7 @@ from scipy import signal
 
 from steer_env import assists, tasks
 from steer_env.engine.state import State
-from steer_env.experiments.learning.assist_drives import KINDS, Drive, suite, task_of
+from steer_env.experiments.learning.assist_drives import DRIVE_KINDS, Drive, suite, task_of
 from steer_env.experiments.learning.controllers import Maker
 from steer_env.experiments.pages import provenance
 from steer_env.experiments.sweep import Runner, run
@@ -174,7 +174,7 @@ def drive_rows(drive: Drive, make: Maker, env_id: str) -> Record:
         ObservedEnv(gym.spec(env_id), home, n, home.observed, np.ones(len(wanted)), env.control_dt, env.batch.car)
     )
     controller.reset()
-    seen, free = np.zeros((n, len(names) + 1)), round(KINDS[drive.kind].released / env.control_dt, 6)
+    seen, free = np.zeros((n, len(names) + 1)), round(DRIVE_KINDS[drive.kind].released / env.control_dt, 6)
     late = np.array([round(row.options.get("delay", 0.0) / env.control_dt) for row in drive.rows])
     held = np.zeros(n)  # handwheel angle at the release
     rows: list[list[Array]] = []
@@ -200,24 +200,24 @@ def measure_rows(drive: Drive, make: Maker, env_id: str) -> Array:
     values = np.full(len(drive.rows), np.inf)
     whole = ~found.failed
     kept = found._replace(**{name: getattr(found, name)[:, whole] for name in ("angle", "torque", "speed")})
-    values[whole] = JUDGES[KINDS[drive.kind].judge].measure(kept)
+    values[whole] = JUDGES[DRIVE_KINDS[drive.kind].judge].measure(kept)
     return values
 
 
-_alone: dict[tuple[str, str, str], Array] = {}
+_boost_measures: dict[tuple[str, str, str], Array] = {}
 
 
 def _boost_alone(drive: Drive, env_id: str) -> Array:
     """The measure of every row with the boost alone; driven once."""
     key = env_id, drive.kind, repr((drive.arguments, drive.rows))
-    if key not in _alone:
-        _alone[key] = measure_rows(drive, partial(assists.make, "boost"), env_id)
-    return _alone[key]
+    if key not in _boost_measures:
+        _boost_measures[key] = measure_rows(drive, partial(assists.make, "boost"), env_id)
+    return _boost_measures[key]
 
 
 def judge(drive: Drive, make: Maker, env_id: str) -> list[Result]:
     """A result for every condition of a drive."""
-    by = JUDGES[KINDS[drive.kind].judge]
+    by = JUDGES[DRIVE_KINDS[drive.kind].judge]
     values, alone = measure_rows(drive, make, env_id), _boost_alone(drive, env_id)
     excused = ~np.isfinite(alone)
     beyond = np.zeros(alone.size, bool) if by.relative else ~excused & (alone > by.limit)

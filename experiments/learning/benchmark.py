@@ -40,9 +40,9 @@ from steer_env.friction.numerics.check import one_of, whole
 from steer_env.registration import DRIVEN, TUNED, id_of
 from steer_env.tasks.common.definition import COST_LIMIT
 
-TOLD = policy.SHIPPED_IN.with_name("controllers.toml")  # terms of the controllers that are not trained
-KINDS = BASELINE, POLICY, CLASS = "baseline", "policy", "class"  # of controllers
-KEYS = "suite", "controller", "seeds", "score", "parts", "episodes", "trace"  # of a result file
+TERMS_FILE = policy.SHIPPED_IN.with_name("controllers.toml")  # terms of the controllers that are not trained
+CONTROLLER_KINDS = BASELINE, POLICY, CLASS = "baseline", "policy", "class"  # of controllers
+RESULT_KEYS = "suite", "controller", "seeds", "score", "parts", "episodes", "trace"  # of a result file
 CONTROLLER, ZERO, REFERENCE = "controller", "zero", "reference"  # whose episodes a result holds
 
 Array = NDArray[np.float64]
@@ -131,7 +131,7 @@ class Entry(NamedTuple):
     """A controller of a suite."""
 
     name: str
-    kind: str  # of ``KINDS``
+    kind: str  # of ``CONTROLLER_KINDS``
     makers: Mapping[str, Maker]  # by id, of those that it enters
     terms: Mapping[str, str]  # information, delay and so on, as the table tells them
     sha256: Mapping[str, str]  # of its files; none for a baseline, which is of the sources of the package
@@ -170,7 +170,7 @@ def entry(text: str, of: Suite) -> Entry:
             return _script(place, of)
         return _policies(place.name if place.is_dir() else place.parent.name, Path(text), of)
     if ":" in text:
-        return _own(text, of)
+        return _own_entry(text, of)
     raise ValueError(
         f"{text!r} is no controller: give FILE.py:CLASS, MODULE:CLASS, a policy.zip or a folder with some, or one of "
         f"{', '.join([*of.baselines(), SHIPPED])}"
@@ -180,7 +180,7 @@ def entry(text: str, of: Suite) -> Entry:
 def _terms(name: str, of: Suite) -> dict[str, str]:
     """Terms of a baseline, with the budget of the search for its options where there was one."""
     unknown = dict.fromkeys(("information", "tuning"), "not stated")  # a baseline that the user has registered
-    told = toml.loads(TOLD.read_text(encoding="utf-8"))
+    told = toml.loads(TERMS_FILE.read_text(encoding="utf-8"))
     terms: dict[str, str] = told.get("fit" if name in records.BASELINES else name, unknown)
     searched = json.loads(assist.TUNED.read_text(encoding="utf-8"))
     found = [searched[env_id][name] for env_id in of.ids if name in searched.get(env_id, {})]
@@ -194,7 +194,7 @@ def _policies(name: str, place: Path, of: Suite) -> Entry:
     """The policies of a file, or of a folder and all below it, each in the id of its training."""
     paths: dict[str, Path] = {}
     for path in sorted(place.rglob("policy.zip")) if place.is_dir() else [place]:
-        env_id = policy.about(path)["env"]
+        env_id = policy.read_description(path)["env"]
         if env_id in paths:
             raise ValueError(f"{paths[env_id]} and {path} are both of {env_id}: an entry has one policy for each id")
         paths[env_id] = path
@@ -203,7 +203,7 @@ def _policies(name: str, place: Path, of: Suite) -> Entry:
         raise ValueError(f"{place} holds no policy of an id of the suite {of.name}: {', '.join(of.ids)}")
     steps = 0
     for env_id, path in entered.items():
-        about = policy.about(path)
+        about = policy.read_description(path)
         policy.check_observations(path, about, env_id)
         steps += whole(f"{path}: steps", about.get("steps"), 0)
     return Entry(
@@ -212,13 +212,13 @@ def _policies(name: str, place: Path, of: Suite) -> Entry:
         {env_id: policy.load(path) for env_id, path in entered.items()},
         {"information": "the observations", "tuning": f"{steps} steps of training in {len(entered)} ids"},
         {env_id: provenance.input_file(str(path))["sha256"] for env_id, path in entered.items()},
-        tuple(filter(None, (policy.caution(path, policy.about(path)) for path in entered.values()))),
+        tuple(filter(None, (policy.caution(path, policy.read_description(path)) for path in entered.values()))),
     )
 
 
 def _script(path: Path, of: Suite) -> Entry:
     """A policy that a script has saved, in the only id of a suite."""
-    steps = script_policy.steps_of(path)
+    steps = script_policy.training_steps(path)
     if len(of.ids) > 1:
         raise ValueError(f"{path} does not say of which id it is: give --env ID in place of --suite {of.name}")
     (env_id,) = of.ids
@@ -234,7 +234,7 @@ def _script(path: Path, of: Suite) -> Entry:
 
 
 @dataclass(frozen=True)
-class Own:
+class OwnControllerMaker:
     """Makes a controller of the user's own class for an environment, in this process or in a worker."""
 
     module: str
@@ -268,13 +268,17 @@ class Own:
         return controller
 
 
-def _own(text: str, of: Suite) -> Entry:
+def _own_entry(text: str, of: Suite) -> Entry:
     """A class of the user's own."""
     place, _, name = text.rpartition(":")
     path = Path(place).resolve()
     if place.endswith(".py") and not path.is_file():
         raise ValueError(f"no file {place}")
-    own = Own(path.stem, name, str(path.parent), str(path)) if path.is_file() else Own(place, name, str(Path.cwd()))
+    own = (
+        OwnControllerMaker(path.stem, name, str(path.parent), str(path))
+        if path.is_file()
+        else OwnControllerMaker(place, name, str(Path.cwd()))
+    )
     made = own.found()
     digests = own_modules.digests([own.module])
     about = str(made.__doc__ or "not stated").strip().partition("\n")[0].rstrip(".")
@@ -478,12 +482,12 @@ def _raw(found: Episodes) -> dict[str, Any]:
     return {**sums, "metrics": {name: each.tolist() for name, each in found.metrics.items()}}
 
 
-def text_of(found: Mapping[str, Any]) -> str:
+def result_text(found: Mapping[str, Any]) -> str:
     """The text of a result file: the same for the same result, to the bit."""
     return json.dumps(found, indent=1, sort_keys=True, allow_nan=False) + "\n"
 
 
-def name_of(result: Result) -> str:
+def result_file_name(result: Result) -> str:
     """The name of a result's file."""
     name = re.sub(r"[^\w.-]+", "-", result.controller["name"])
     return f"{result.suite.name}-{result.controller['kind']}-{name}.json"
@@ -496,8 +500,8 @@ def read(path: Path) -> dict[str, Any]:
 
 
 def _checked(said: Any) -> dict[str, Any]:
-    if not isinstance(said, dict) or set(said) != set(KEYS):
-        raise ValueError(f"is no result of 'steer-env benchmark', which holds {', '.join(KEYS)}")
+    if not isinstance(said, dict) or set(said) != set(RESULT_KEYS):
+        raise ValueError(f"is no result of 'steer-env benchmark', which holds {', '.join(RESULT_KEYS)}")
     try:
         of = score_entry(said).suite
         there = set(_by_seed(said))
@@ -542,7 +546,7 @@ def _by_seed(said: Mapping[str, Any]) -> dict[tuple[str, str, int], list[float]]
     return found
 
 
-def again(
+def rerun_result(
     said: Mapping[str, Any],
     who: Entry,
     notify: Callable[[float, str], None] = lambda *_: None,

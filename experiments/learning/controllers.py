@@ -70,7 +70,7 @@ def is_policy(name: str) -> bool:
     return name == SHIPPED or name.endswith(".zip")
 
 
-def path_of(name: str, env_id: str) -> Path:
+def policy_path(name: str, env_id: str) -> Path:
     """The file of a policy that :func:`is_policy` accepts; ValueError if none is shipped with the id."""
     return policy.shipped_policy(env_id) if name == SHIPPED else Path(name)
 
@@ -84,8 +84,8 @@ def controller_named(name: str, env_id: str) -> Maker:
         If the name is neither of ``SIMPLE`` nor a baseline or a policy of the id, or the policy is of another id.
     """
     if is_policy(name):
-        path = path_of(name, env_id)
-        policy.check_observations(path, policy.about(path), env_id)
+        path = policy_path(name, env_id)
+        policy.check_observations(path, policy.read_description(path), env_id)
         return policy.load(path)
     known = {**SIMPLE, **baselines(env_id)}
     if name not in known:

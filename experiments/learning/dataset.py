@@ -24,8 +24,8 @@ from steer_env.experiments.learning.controllers import Maker, ZeroAction
 from steer_env.experiments.pages import provenance
 from steer_env.experiments.pages.files import replaced_directory
 
-DATA = "data"  # the folder that minari.MinariDataset opens
-CONTENTS = frozenset({DATA})
+DATA_FOLDER = "data"  # the folder that minari.MinariDataset opens
+CONTENTS = frozenset({DATA_FOLDER})
 
 
 def record(
@@ -104,14 +104,14 @@ def record(
         written.storage.update_metadata(described)
         written.storage.update_episode_metadata(about)
         data = Path(written.storage.data_path)
-        data.rename(part / DATA)
+        data.rename(part / DATA_FOLDER)
         shutil.rmtree(data.parent)
     env.close()
 
 
 def mean_score(out: Path) -> tuple[float, float]:
     """Mean score and mean cost of the episodes of a set that has a quality."""
-    kept = minari.MinariDataset(out / DATA)
+    kept = minari.MinariDataset(out / DATA_FOLDER)
     reward, cost = np.transpose([(e.rewards.sum(), e.infos["cost"].sum()) for e in kept.iterate_episodes()])
     return float(minari.get_normalized_score(kept, reward).mean()), float(cost.mean())
 

@@ -42,7 +42,7 @@ from steer_env.sb3 import SteerVecEnv
 Array = NDArray[np.float64]
 
 NOTHING = "zero"
-NAME, KEPT = "friction_shift", "runs"  # of the page, and of the folder with what is finished
+PAGE_NAME, RUNS_FOLDER = "friction_shift", "runs"  # of the page, and of the folder with what is finished
 
 
 class OverLaws(VecEnv):
@@ -160,7 +160,7 @@ class Job(NamedTuple):
         return Path(self.folder) / f"{self.name}.json"
 
 
-def label_of(job: Job) -> str:
+def job_label(job: Job) -> str:
     """A job in words, for messages."""
     return job.name
 
@@ -216,7 +216,7 @@ def rewards(
     return {law: float(driven(friction=Friction(law).parameters).reward.mean()) for law in laws}
 
 
-class Row(NamedTuple):
+class ShiftRow(NamedTuple):
     """An entry of a case: what it loses, as shares of the range from zero action to the best entry on each law."""
 
     entry: str
@@ -233,7 +233,7 @@ class Row(NamedTuple):
         return self.loss[self.worst].value < ROBUST
 
 
-def rows(case: Case, found: Mapping[str, Sequence[Mapping[str, float]]]) -> list[Row]:
+def rows(case: Case, found: Mapping[str, Sequence[Mapping[str, float]]]) -> list[ShiftRow]:
     """The entries of a case.
 
     Parameters
@@ -256,7 +256,7 @@ def rows(case: Case, found: Mapping[str, Sequence[Mapping[str, float]]]) -> list
         home = [laws.index(law) for law in trained if law in laws]
         cost = np.nanmax(losses, axis=1) - (np.nanmax(losses[:, home], axis=1) if home else 0.0)
         made.append(
-            Row(
+            ShiftRow(
                 name,
                 trained,
                 {law: held_out.mean(values[:, k]) for k, law in enumerate(laws)},
@@ -272,7 +272,7 @@ def rows(case: Case, found: Mapping[str, Sequence[Mapping[str, float]]]) -> list
 class Shift(NamedTuple):
     """The benchmark, as far as it was asked for."""
 
-    cases: dict[str, list[Row]]
+    cases: dict[str, list[ShiftRow]]
     laws: tuple[str, ...]
     episodes: int
     first_seed: int  # of the episodes
@@ -308,13 +308,13 @@ def collect(
 
     Without ``training_allowed`` the table is of the trainings that ``out`` holds.
     """
-    folder = out.resolve() / KEPT
+    folder = out.resolve() / RUNS_FOLDER
     folder.mkdir(parents=True, exist_ok=True)
     asked = [(case, entry, seed) for seed in range(seeds) for case in cases for entry in entries]
     asked += [(case, name, 0) for case in cases for name in (NOTHING, *baselines(id_of(CANDIDATES[case].task)))]
     jobs = [Job(*each, tuple(laws), episodes, first_seed, str(folder)) for each in asked]
     jobs = [job for job in jobs if training_allowed or job.entry not in ENTRIES or job.rewards_file.is_file()]
-    results = sweep(evaluate_on_laws, jobs, notify=notify, words=label_of)
+    results = sweep(evaluate_on_laws, jobs, notify=notify, words=job_label)
     found: dict[str, dict[str, list[dict[str, float]]]] = {case: {} for case in cases}
     for job, rewarded in zip(jobs, results):
         if rewarded.keys() >= set(laws):
@@ -337,7 +337,7 @@ def as_json(found: Shift) -> dict[str, Any]:
     }
 
 
-def _entry(row: Row) -> dict[str, Any]:
+def _entry(row: ShiftRow) -> dict[str, Any]:
     """A row as JSON."""
 
     def of(values: Mapping[str, Estimate]) -> dict[str, Any]:
@@ -360,4 +360,4 @@ def write(out: Path, found: Shift, trace: Mapping[str, Any]) -> None:
             worst or {"none": Estimate(0.0, 0.0, 0.0)}, "share of the range lost on the worst law [1]", (COST, "20 %")
         ),
     }
-    write_page(out, Page(NAME, values), {f"{NAME}.json": as_json(found)}, trace)
+    write_page(out, Page(PAGE_NAME, values), {f"{PAGE_NAME}.json": as_json(found)}, trace)

@@ -50,10 +50,10 @@ class Entry(NamedTuple):
 
 
 WALKING = 6.0  # speed at which a steering returns little by itself [m/s]
-FAST = 25.0  # speed at which a released handwheel returns from an angle of some tenths of a radian [m/s]
-DRY = {"friction_level": (2.0, 2.0)}  # a steering with twice the friction
+FAST_SPEED = 25.0  # speed at which a released handwheel returns from an angle of some tenths of a radian [m/s]
+DOUBLE_FRICTION = {"friction_level": (2.0, 2.0)}  # a steering with twice the friction
 # Exploration that is new in every step spoils the smoothness, by which the release multiplies its quality.
-CALM = {"policy_kwargs": {"log_std_init": -1.5}, "learning_rate": 1e-3, "gamma": 0.97}
+CALM_SETTINGS = {"policy_kwargs": {"log_std_init": -1.5}, "learning_rate": 1e-3, "gamma": 0.97}
 CALMER = {"policy_kwargs": {"log_std_init": -2.0}, "learning_rate": 1e-3, "n_steps": 256, "batch_size": 4096}
 
 CASES = {
@@ -63,10 +63,18 @@ CASES = {
     "walking-pace-10ms": Case("DriverOnCentre", {"control_dt": 0.01, "speed": WALKING}, "viscous", 2_000_000),
     "stop-and-go-50ms": Case("DriverStopAndGo", {"control_dt": 0.05}, "viscous", 1_000_000),
     "release-50ms": Case(
-        "AssistRelease", {"control_dt": 0.05, "speed": FAST, "randomise": DRY}, "viscous", 1_000_000, CALM
+        "AssistRelease",
+        {"control_dt": 0.05, "speed": FAST_SPEED, "randomise": DOUBLE_FRICTION},
+        "viscous",
+        1_000_000,
+        CALM_SETTINGS,
     ),
     "release-10ms": Case(
-        "AssistRelease", {"control_dt": 0.01, "speed": FAST, "randomise": DRY}, "viscous", 3_000_000, CALMER
+        "AssistRelease",
+        {"control_dt": 0.01, "speed": FAST_SPEED, "randomise": DOUBLE_FRICTION},
+        "viscous",
+        3_000_000,
+        CALMER,
     ),
 }
 _HEAVY = {"friction_level": (3.0, 3.0)}
@@ -74,10 +82,10 @@ _HEAVY = {"friction_level": (3.0, 3.0)}
 DROPPED = {
     "lane-keeping": Case("DriverLaneKeeping", {"control_dt": 0.05, "randomise": _HEAVY}, "viscous", 500_000),
     "release-18kph": Case(
-        "AssistRelease", {"control_dt": 0.05, "speed": 5.0, "randomise": _HEAVY}, "viscous", 600_000, CALM
+        "AssistRelease", {"control_dt": 0.05, "speed": 5.0, "randomise": _HEAVY}, "viscous", 600_000, CALM_SETTINGS
     ),
     "release-58kph": Case(
-        "AssistRelease", {"control_dt": 0.05, "speed": 16.0, "randomise": _HEAVY}, "viscous", 600_000, CALM
+        "AssistRelease", {"control_dt": 0.05, "speed": 16.0, "randomise": _HEAVY}, "viscous", 600_000, CALM_SETTINGS
     ),
 }
 CANDIDATES = CASES | DROPPED

@@ -13,7 +13,7 @@ from steer_env.experiments.learning.constants import HELD_OUT
 
 Array = NDArray[np.float64]
 
-LEVEL = 0.95  # of the intervals
+CONFIDENCE_LEVEL = 0.95  # of the intervals
 
 
 class Controller(Protocol):
@@ -59,7 +59,7 @@ def evaluate(job: Job) -> Episodes:
     return collect(job.env_id, job.make, job.episodes, options=job.options, **job.arguments)
 
 
-def label_of(job: Job) -> str:
+def job_label(job: Job) -> str:
     """The label of a job, for messages."""
     return job.label
 
@@ -111,14 +111,14 @@ def mean(values: Array) -> Estimate:
     value, n = float(np.mean(values)), values.size
     if n < 2:
         return Estimate(value, np.nan, np.nan)
-    half = float(stats.t.ppf(0.5 + 0.5 * LEVEL, n - 1) * np.std(values, ddof=1) / np.sqrt(n))
+    half = float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE_LEVEL, n - 1) * np.std(values, ddof=1) / np.sqrt(n))
     return Estimate(value, value - half, value + half)
 
 
 def share(hits: NDArray[np.bool_]) -> Estimate:
     """Share of the episodes in which ``hits`` is true, with Wilson's interval."""
     result = stats.binomtest(int(hits.sum()), hits.size)
-    interval = result.proportion_ci(LEVEL, "wilson")
+    interval = result.proportion_ci(CONFIDENCE_LEVEL, "wilson")
     return Estimate(float(result.statistic), float(interval.low), float(interval.high))
 
 

@@ -20,7 +20,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepR
 RATE = 0.05  # of lambda after a rollout whose cost is twice the budget; assumed [1]
 
 
-class Row(NamedTuple):
+class RolloutRow(NamedTuple):
     """A rollout."""
 
     steps: int  # of the training, at its end
@@ -45,7 +45,7 @@ class PenalisedVecEnv(VecEnvWrapper):
         self._budget = budget
         self._ages = np.zeros(venv.num_envs, int)  # steps of the present episodes
         self._lengths: list[int] = []  # of the episodes that ended last, one for each sub-environment at most [steps]
-        self.rows: list[Row] = []  # of every rollout since an episode has ended
+        self.rows: list[RolloutRow] = []  # of every rollout since an episode has ended
         self._rollouts: list[tuple[int, float]] = []  # of the last episode's length: steps, mean cost of a step
         self._taken, self._cost = 0, 0.0  # in the present rollout: steps of each sub-environment, sum of the mean costs
 
@@ -85,7 +85,7 @@ class PenalisedVecEnv(VecEnvWrapper):
         taken, costs = zip(*self._rollouts)
         cost = length * float(np.average(costs, weights=taken))
         multiplier = max(self.multiplier + RATE * (cost / self._budget - 1.0), 0.0)
-        self.rows.append(Row(steps, cost, multiplier, self._budget))
+        self.rows.append(RolloutRow(steps, cost, multiplier, self._budget))
 
     def get_state(self) -> dict[str, Any]:
         """What decides, beside the environment and between two rollouts, how it goes on; as JSON holds it."""
@@ -99,5 +99,5 @@ class PenalisedVecEnv(VecEnvWrapper):
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Go on from a state."""
         self._ages[:], self._lengths = state["ages"], list(state["lengths"])
-        self.rows = [Row(*row) for row in state["rows"]]
+        self.rows = [RolloutRow(*row) for row in state["rows"]]
         self._rollouts = [(taken, cost) for taken, cost in state["rollouts"]]

@@ -88,7 +88,7 @@ def layers(path: Path, about: Mapping[str, Any]) -> list[Layer]:
     path : Path
         A policy file of an algorithm in ``FORMS``.
     about : mapping
-        Its description, from :func:`steer_env.experiments.learning.policy.about`.
+        Its description, from :func:`steer_env.experiments.learning.policy.read_description`.
 
     Raises
     ------

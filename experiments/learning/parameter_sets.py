@@ -11,7 +11,7 @@ from steer_env.experiments.sweep import Runner, run
 from steer_env.friction.numerics.check import one_of, whole
 from steer_env.registration import TUNED
 
-TOGETHER = 8  # parameter sets in a case by default, which share the preparation of their context
+SETS_PER_CASE = 8  # parameter sets in a case by default, which share the preparation of their context
 
 
 class Sets(NamedTuple):
@@ -51,7 +51,7 @@ def evaluate(
     arguments: Mapping[str, Any] | None = None,
     contexts: Sequence[Mapping[str, float]] = ({},),
     seed: int | None = 0,
-    together: int = TOGETHER,
+    together: int = SETS_PER_CASE,
     sweep: Runner = run,
     notify: Callable[[float, str], None] = lambda *_: None,
 ) -> list[list[Result]]:

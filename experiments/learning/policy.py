@@ -25,7 +25,7 @@ from steer_env.registration import DRIVEN, id_of
 
 Array = NDArray[np.float64]
 
-ABOUT = "steer_env.json"  # name in the archive, beside the members of Stable-Baselines3
+DESCRIPTION_NAME = "steer_env.json"  # name in the archive, beside the members of Stable-Baselines3
 # Attributes of a model that hold the schedule of its training, which would be written with all that it refers to.
 SCHEDULE = ("learning_rate", "lr_schedule")
 # What a description must hold, with dots between the keys.
@@ -58,7 +58,7 @@ def save(path: Path, model: Any, about: dict[str, Any]) -> None:
     part = path.with_name(f".{path.name}.part.zip")
     model.save(part, exclude=["tensorboard_log", *SCHEDULE])  # a path of the machine that trained
     with zipfile.ZipFile(part, "a") as archive:
-        archive.writestr(ABOUT, json.dumps(about, indent=1, allow_nan=False))
+        archive.writestr(DESCRIPTION_NAME, json.dumps(about, indent=1, allow_nan=False))
     part.replace(path)
 
 
@@ -67,14 +67,14 @@ def described(path: Path) -> bool:
     if not zipfile.is_zipfile(path):
         return True
     with archives.open_archive(path, "policy") as archive:
-        return ABOUT in archive.namelist()
+        return DESCRIPTION_NAME in archive.namelist()
 
 
-def about(path: Path) -> dict[str, Any]:
+def read_description(path: Path) -> dict[str, Any]:
     """The description in a policy file; ValueError for a file that ``steer-env train`` has not written."""
     try:
         with archives.open_archive(path, "policy") as archive:
-            text = archive.read(ABOUT)
+            text = archive.read(DESCRIPTION_NAME)
     except FileNotFoundError:
         raise ValueError(f"no file {path}") from None
     except OSError as error:
@@ -95,7 +95,7 @@ def _checked(about: Any) -> Any:
         for key in place.split("."):
             value = value.get(key) if isinstance(value, dict) else None
         if not isinstance(value, kind):
-            raise ValueError(f"{place} in {ABOUT} must be of the type {kind.__name__}, got {value!r}")
+            raise ValueError(f"{place} in {DESCRIPTION_NAME} must be of the type {kind.__name__}, got {value!r}")
     one_of("algorithm", about["algorithm"], ALGORITHMS)
     positive("control_dt", about["settings"]["environment"].get("control_dt"))
     for width in about["settings"]["algorithm"]["net_arch"]:
@@ -106,8 +106,8 @@ def _checked(about: Any) -> Any:
         if values.shape != (count,) or (key == "deviation" and values.min() <= 0.0):
             raise ValueError(f"{key} must hold {count} numbers, a deviation above 0, got {values.tolist()}")
     not_negative("clip", scaling.get("clip"))
-    number("frames", whole("frames", frames_of(about), 1), maximum=WIDEST)
-    if (caution := guard_of(about)) is not None:
+    number("frames", whole("frames", observation_frames(about), 1), maximum=WIDEST)
+    if (caution := guard_caution(about)) is not None:
         not_negative("guard", caution)
     return about
 
@@ -141,13 +141,13 @@ def conditions(about: Mapping[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in about["settings"]["environment"].items() if key != "control_dt"}
 
 
-def guard_of(about: Mapping[str, Any]) -> float | None:
+def guard_caution(about: Mapping[str, Any]) -> float | None:
     """The caution of the guard with which a policy was trained (:mod:`steer_env.experiments.learning.guard`)."""
     caution: float | None = about["settings"].get("controller", {}).get("guard")
     return caution
 
 
-def frames_of(about: Mapping[str, Any]) -> int:
+def observation_frames(about: Mapping[str, Any]) -> int:
     """The number of observations, the last ones, that a policy sees at once."""
     frames: int = about["settings"]["algorithm"].get("frames", 1)
     return frames
@@ -178,7 +178,7 @@ class Policy:
     """
 
     def __init__(self, path: Path, env: Any) -> None:
-        self.about = about(path)
+        self.about = read_description(path)
         spec = env.unwrapped.spec
         check_observations(
             path,
@@ -206,10 +206,10 @@ class Policy:
         self._state: Any = None
         n = env.unwrapped.batch.n
         self._fresh, self._since = np.ones(n, bool), np.zeros(n, np.int64)
-        self._seen = np.zeros((n, frames_of(self.about) * self._mean.size), np.float32)  # the latest one last
+        self._seen = np.zeros((n, observation_frames(self.about) * self._mean.size), np.float32)  # the latest one last
         self._action = np.zeros((n, 1), np.float32)
         self._guard: Any = None
-        if (caution := guard_of(self.about)) is not None:
+        if (caution := guard_caution(self.about)) is not None:
             from steer_env.experiments.learning.guard import Guard
 
             self._guard = Guard(env.unwrapped.batch, env.unwrapped.observation_scale, caution)

@@ -34,7 +34,7 @@ from steer_env.friction.numerics.check import read_number
 from steer_env.friction.sites import Sites, as_text
 
 CONTENTS = frozenset({"index.html", "evaluation.json"})
-MOST = 10  # controllers on the first screen
+MOST_CONTROLLERS = 10  # controllers on the first screen
 FRAMES = 4  # pictures of the first held-out episode
 
 # Metrics of which more (1) or less (-1) is better; the others only describe.
@@ -79,7 +79,7 @@ def evaluate(
 ) -> Evaluation:
     """Drive every controller in the same episodes; ``options`` are those of their resets."""
     jobs = [held_out.Job(name, env_id, make, episodes, options or {}, arguments) for name, make in controllers.items()]
-    found = dict(zip(controllers, sweep(held_out.evaluate, jobs, notify=notify, words=held_out.label_of)))
+    found = dict(zip(controllers, sweep(held_out.evaluate, jobs, notify=notify, words=held_out.job_label)))
     return assemble(env_id, found, episodes, {**arguments, "options": options} if options else arguments)
 
 
@@ -274,7 +274,7 @@ def write(
     names = list(found.values)
     best = max(names[1:], key=lambda name: found.values[name]["reward"].value, default=None)
     pictures = {name: frames(found.env_id, controllers[name], **found.about) for name in (names[0], best) if name}
-    ranked = sorted(names, key=lambda name: -found.values[name]["reward"].value)[:MOST]
+    ranked = sorted(names, key=lambda name: -found.values[name]["reward"].value)[:MOST_CONTROLLERS]
     values = {
         "f": found,
         "names": names,

@@ -22,11 +22,14 @@ from steer_env.friction.law import LAWS
 Array = NDArray[np.float64]
 
 RECORD = "FrictionRecord"  # in place of an id
-MOTION, STEP = "many strokes and speeds", 0.02  # of the studies of friction, and the time between samples [s]
+RECORD_MOTION, SAMPLE_STEP = (
+    "many strokes and speeds",
+    0.02,
+)  # of the studies of friction, and the time between samples [s]
 NOISE = 0.02  # of the torque that is seen, over the level of the contact [1]
 FACTOR = 2.0  # by which level, displacement and time of a contact are multiplied or divided at most, assumed
 INNER = 1.5  # of the least damping sigma_2 that a law with a break-away torque has, assumed [1]
-MOST = 120.0  # reward at most, of a prediction that is exact [dB]
+LARGEST_REWARD = 120.0  # reward at most, of a prediction that is exact [dB]
 
 
 class Records:
@@ -44,12 +47,12 @@ class Records:
         Samples of which the torque is seen.
     """
 
-    info_level, dt = "full", STEP
+    info_level, dt = "full", SAMPLE_STEP
 
     def __init__(self, law: str, num_envs: int) -> None:
         self.num_envs, self.unwrapped = num_envs, self
-        x, judged = displacement(MOTION)
-        every = round(STEP / SYNTHETIC_STEP)
+        x, judged = displacement(RECORD_MOTION)
+        every = round(SAMPLE_STEP / SYNTHETIC_STEP)
         self._x, self.fitted = x[::every], math.ceil(judged / every)
         self._law, usual = LAWS[law], true_laws([law])[law]
         # Those of the studies lie where the law ends (F10), to which a search for them runs.
@@ -67,7 +70,7 @@ class Records:
             rng = np.random.default_rng([each, *map(ord, self._law.name)])
             scales = Scales(*FACTOR ** rng.uniform(-1.0, 1.0, 3))
             contact = self._law.make(**scaled(self._law, self._usual._asdict(), scales, back=True))
-            torque = friction.response(contact, self._x, STEP)
+            torque = friction.response(contact, self._x, SAMPLE_STEP)
             noise = NOISE * defaults.F_C * scales.torque * rng.standard_normal(self._x.size)
             row[1], truth[:] = torque + noise, torque[self.fitted :]
         seen[:, 1, self.fitted :] = np.nan
@@ -80,7 +83,7 @@ class Records:
             raise RuntimeError("the episodes are over or have not begun: call reset")
         self._open = False
         error = np.sqrt(np.mean((action - self._truth) ** 2, axis=1) / np.mean(self._truth**2, axis=1))
-        reward = -20.0 * np.log10(np.maximum(error, 10.0 ** (-MOST / 20.0)))
+        reward = -20.0 * np.log10(np.maximum(error, 10.0 ** (-LARGEST_REWARD / 20.0)))
         over, none = np.ones(self.num_envs, bool), np.zeros(self.num_envs)
         info = {"cost": none, "failure": none.astype(np.int64), "metrics": {"relative_error": error}}
         return np.zeros((self.num_envs, 2, self._x.size)), reward, over, ~over, info

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-def steps_of(path: Path) -> int:
+def training_steps(path: Path) -> int:
     """Steps of training of a saved model, read without running what its file holds; ValueError where it is none."""
     try:
         with zipfile.ZipFile(path) as archive:

@@ -242,7 +242,7 @@ def collect(
     ValueError
         If no change is left.
     """
-    about = policy.about(path)
+    about = policy.read_description(path)
     env_id, home = about["env"], policy.law(about["friction"], path)
     controllers: dict[str, Any] = {"policy": policy.load(path), "zero": ZeroAction, **baselines(env_id)}
     made = {**policy.conditions(about), "friction": home.parameters}
@@ -258,7 +258,7 @@ def collect(
         for over, change in every
         for name, make in controllers.items()
     ]
-    results = iter(sweep(held_out.evaluate, jobs, notify=notify, words=held_out.label_of))
+    results = iter(sweep(held_out.evaluate, jobs, notify=notify, words=held_out.job_label))
     own: Any = None
     cells: dict[str, dict[str, Cell]] = {over: {} for over in (HOME, *kept) if over == HOME or kept[over]}
     for over, change in every:

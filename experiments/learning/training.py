@@ -38,35 +38,41 @@ from steer_env.friction.numerics import toml
 from steer_env.friction.numerics.check import number
 from steer_env.vehicle import cars
 
-FOLDER, STATE, CURVE, BEST, LATEST = "checkpoint", "state.json", "learning.csv", "policy.zip", "latest.zip"
-KEYS = ("env", "algo", "seed", "friction", "seconds", "steps", "next", "model", "scaling", "session")
+CHECKPOINT_FOLDER, STATE_FILE, CURVE_FILE, BEST_FILE, LATEST_FILE = (
+    "checkpoint",
+    "state.json",
+    "learning.csv",
+    "policy.zip",
+    "latest.zip",
+)
+STATE_KEYS = ("env", "algo", "seed", "friction", "seconds", "steps", "next", "model", "scaling", "session")
 
 
 def save(out: Path, state: Mapping[str, Any], model: Any, scaling: Any, session: Any) -> None:
-    """Write what resuming needs; ``state`` has the entries of ``KEYS`` but for the three file names."""
-    folder = out / FOLDER
+    """Write what resuming needs; ``state`` has the entries of ``STATE_KEYS`` but for the three file names."""
+    folder = out / CHECKPOINT_FOLDER
     folder.mkdir(exist_ok=True)
     steps = state["steps"]
     names = {"model": f"model-{steps}.zip", "scaling": f"scaling-{steps}.pkl", "session": f"session-{steps}.pkl"}
-    if not (folder / STATE).is_file() or load(out)["steps"] != steps:  # else these files are in use, and right
+    if not (folder / STATE_FILE).is_file() or load(out)["steps"] != steps:  # else these files are in use, and right
         model.save(folder / names["model"], exclude=policy.SCHEDULE)
         scaling.save(str(folder / names["scaling"]))
         (folder / names["session"]).write_bytes(pickle.dumps(session))
-    write_json(folder / STATE, {**state, **names})
+    write_json(folder / STATE_FILE, {**state, **names})
     for path in folder.iterdir():
-        if path.name not in (STATE, *names.values()):
+        if path.name not in (STATE_FILE, *names.values()):
             path.unlink()
 
 
 def load(out: Path) -> dict[str, Any]:
     """State of a run at its checkpoint; ValueError if there is none or something is missing."""
-    kept = out / FOLDER / STATE
+    kept = out / CHECKPOINT_FOLDER / STATE_FILE
     if not kept.is_file():
         raise ValueError(f"{out} holds no checkpoint to resume")
     state = toml.read(kept, json.loads)
     if not isinstance(state, dict):
         raise ValueError(f"{kept} must hold keys and values, got {state!r}")
-    for key in KEYS:
+    for key in STATE_KEYS:
         if key not in state:
             raise ValueError(f"{kept} has no entry {key}, as with older versions: train from the start")
     return state
@@ -74,7 +80,7 @@ def load(out: Path) -> dict[str, Any]:
 
 def finished_steps(out: Path) -> int:
     """Steps from which a training goes on where it is resumed; 0 where it begins anew."""
-    return int(load(out)["steps"]) if (out / FOLDER / STATE).is_file() else 0
+    return int(load(out)["steps"]) if (out / CHECKPOINT_FOLDER / STATE_FILE).is_file() else 0
 
 
 def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
@@ -89,7 +95,7 @@ def write_rows(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
 
 def append(out: Path, row: Mapping[str, Any]) -> None:
     """Add a row to the curve."""
-    path, text = out / CURVE, io.StringIO(newline="")
+    path, text = out / CURVE_FILE, io.StringIO(newline="")
     writer = csv.DictWriter(text, row, lineterminator="\n")
     if not path.exists():
         writer.writeheader()
@@ -99,19 +105,19 @@ def append(out: Path, row: Mapping[str, Any]) -> None:
 
 def best(out: Path, budget: float | None = None) -> float:
     """Score of the best policy when it was validated (:func:`policy.score`); minus infinity where there is none."""
-    if not (out / BEST).is_file():
+    if not (out / BEST_FILE).is_file():
         return -np.inf
-    steps = policy.about(out / BEST)["steps"]
-    with (out / CURVE).open(encoding="utf-8", newline="") as file:
+    steps = policy.read_description(out / BEST_FILE)["steps"]
+    with (out / CURVE_FILE).open(encoding="utf-8", newline="") as file:
         rows = [row for row in csv.DictReader(file) if int(row["steps"]) == steps]
     return max(policy.score(float(row["reward"]), float(row["cost"]), budget) for row in rows)
 
 
 def last_validation(out: Path) -> int:
     """Steps at which a policy was validated last, to the end; -1 where none was."""
-    if not (out / CURVE).is_file() or (out / LATEST).is_file():
+    if not (out / CURVE_FILE).is_file() or (out / LATEST_FILE).is_file():
         return -1
-    with (out / CURVE).open(encoding="utf-8", newline="") as file:
+    with (out / CURVE_FILE).open(encoding="utf-8", newline="") as file:
         return max((int(row["steps"]) for row in csv.DictReader(file)), default=-1)
 
 
@@ -469,7 +475,7 @@ class Training:
             self.env_id, chosen["num_envs"], friction=self.friction.parameters, **self.settings["environment"]
         )
         self._observations = [quantity.name for quantity in self._raw.vector.batch.observed]
-        caution = policy.guard_of({"settings": self.settings})
+        caution = policy.guard_caution({"settings": self.settings})
         self._guarded = None if caution is None else GuardedVecEnv(self._raw, caution)
         monitored: Any = VecMonitor(self._guarded or self._raw)
         self._penalised = None
@@ -480,7 +486,7 @@ class Training:
             self._env = VecNormalize(monitored, scaled, scaled, gamma=chosen.get("gamma", 0.99))
             scheduled = {**chosen, "learning_rate": self.learning_rate}
             return new_model(self.algo, self._env, scheduled, self.seed, str(self.out / "tensorboard"))
-        kept = {key: self.out / FOLDER / self._files[key] for key in ("model", "scaling", "session")}
+        kept = {key: self.out / CHECKPOINT_FOLDER / self._files[key] for key in ("model", "scaling", "session")}
         self._env = VecNormalize.load(str(kept["scaling"]), monitored)
         session = pickle.loads(kept["session"].read_bytes())
         if self._penalised:
@@ -603,7 +609,7 @@ class Training:
 
     def validate(self, model: Any, seconds: float) -> None:
         """Evaluate the present policy on the validation seeds, and keep it if it is the best so far."""
-        latest = self.out / LATEST
+        latest = self.out / LATEST_FILE
         policy.save(latest, model, self._about(model))
         with _random_state_kept():
             found = held_out.collect(
@@ -626,6 +632,6 @@ class Training:
         append(self.out, row)
         if (score := policy.score(reward, cost, self._budget)) > self.best:
             self.best = score
-            latest.replace(self.out / BEST)
+            latest.replace(self.out / BEST_FILE)
         else:
             latest.unlink()

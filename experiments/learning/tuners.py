@@ -20,9 +20,9 @@ Array = NDArray[np.float64]
 
 SETS = 12  # in an episode
 # Drawn for every seed, so that other metrics are wanted in each; assumed.
-DRAWN = {"load": (0.0, 300.0), "friction_level": (0.5, 2.0), "speed": (22.0, 36.0)}
-SETTINGS = {"sets": SETS, "randomise": DRAWN, "workers": 1}  # of the environment; the sweep has the processes
-STEP = 0.25  # of a parameter for its column of the Jacobian, and first radius of the steps, assumed [1]
+DRAWN_RANGES = {"load": (0.0, 300.0), "friction_level": (0.5, 2.0), "speed": (22.0, 36.0)}
+SETTINGS = {"sets": SETS, "randomise": DRAWN_RANGES, "workers": 1}  # of the environment; the sweep has the processes
+JACOBIAN_STEP = 0.25  # of a parameter for its column of the Jacobian, and first radius of the steps, assumed [1]
 RIDGE = 0.05  # that a change of a parameter by 1 costs beside the distances of the metrics, assumed [1]
 
 
@@ -94,9 +94,9 @@ def _search(size: int) -> Generator[Array, Array, None]:
     best = np.zeros(size)
     least = start = yield best
     J = np.zeros((start.size, size))
-    for j, step in enumerate(STEP * np.eye(size)):
-        J[:, j] = ((yield step) - start) / STEP
-    radius = STEP
+    for j, step in enumerate(JACOBIAN_STEP * np.eye(size)):
+        J[:, j] = ((yield step) - start) / JACOBIAN_STEP
+    radius = JACOBIAN_STEP
     while True:
         # Levenberg's ridge keeps parameters that change nothing where they are.
         system = np.vstack([J, RIDGE * np.eye(size)])

@@ -9,7 +9,7 @@ from matplotlib.ticker import FuncFormatter, NullFormatter
 from steer_env.experiments.pages.style import DASHES, PALETTE, as_svg, new_figure
 
 _OTHERS = "#8a949e"
-_PLAIN = FuncFormatter(lambda x, _: f"{x:g}")
+_PLAIN_FORMATTER = FuncFormatter(lambda x, _: f"{x:g}")
 
 
 @as_svg
@@ -25,7 +25,7 @@ def ratios(rows: Mapping[str, tuple[float, float, float, bool]]) -> Figure:
     axes.axvline(1.0, color=_OTHERS, linewidth=0.8)
     axes.set(xscale="log", yticks=range(len(ordered)), yticklabels=[name for name, _ in ordered])
     axes.set(xlabel="time of a row's step over that of CartPole-v1")
-    axes.xaxis.set_major_formatter(_PLAIN)
+    axes.xaxis.set_major_formatter(_PLAIN_FORMATTER)
     axes.grid(visible=False, axis="y")
     axes.invert_yaxis()
     return figure
@@ -42,7 +42,7 @@ def rows(lines: Mapping[str, tuple[Sequence[int], Sequence[float]]]) -> Figure:
     axes.set(xscale="log", yscale="log", xlabel="rows", ylabel="time of a row over CartPole-v1")
     axes.set_xticks(sorted({n for x, _ in lines.values() for n in x}))
     for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_formatter(_PLAIN)
+        axis.set_major_formatter(_PLAIN_FORMATTER)
         axis.set_minor_formatter(NullFormatter())
     figure.legend(loc="outside right upper", fontsize=8)
     return figure

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 Range = tuple[float, float]
 
 _BAND, _LINE = "#e3f2ea", "#999999"
-_NONE, _LIMIT = "#e8e8e8", "#b00020"
+_MISSING_COLOUR, _LIMIT_COLOUR = "#e8e8e8", "#b00020"
 _SPUN = 60.0  # yaw rate from which on the crosses of spins are drawn, above one another [deg/s]
 _FORCE, _TORQUE = 3.0, 100.0  # up to which compliance steer is drawn [kN], [N m]
 
@@ -168,7 +168,7 @@ def assist(torques: Array, boost: Mapping[str, Array], speeds: Array, damping: A
 
 
 _MARKS = {
-    **{"inside": ("o", "#1d2530"), "outside": ("D", _LIMIT)},
+    **{"inside": ("o", "#1d2530"), "outside": ("D", _LIMIT_COLOUR)},
     **{"green": ("o", "#009e73"), "amber": ("^", "#e69f00"), "red": ("s", "#c0392b")},
 }
 
@@ -203,7 +203,7 @@ def least_margins(found: Mapping[str, tuple[Array, Array, Array]], limits: tuple
         for axes, y in zip(panels, values):
             axes.plot(speed, y, marker=marker, markersize=4, color=colour, label=label)
     for axes, limit, name in zip(panels, limits, ("phase margin [deg]", "gain margin [dB]")):
-        axes.axhline(limit, color=_LIMIT, linewidth=1.5)
+        axes.axhline(limit, color=_LIMIT_COLOUR, linewidth=1.5)
         axes.set(ylabel=name, ylim=(0.0, None))
     panels[1].set_xlabel("speed [km/h]")
     legend(figure, panels[0])
@@ -223,7 +223,7 @@ def margin_map(
     places = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
     image: Any = None
     for axes, (label, values) in zip(places.flat, maps.items()):
-        axes.set_facecolor(_NONE)
+        axes.set_facecolor(_MISSING_COLOUR)
         shown = np.ma.masked_invalid(np.minimum(np.where(np.isnan(values), np.nan, values), top))
         image = axes.imshow(shown, cmap="YlGnBu_r", vmin=0.0, vmax=top, aspect="auto", origin="lower")
         for (i, j), value in np.ndenumerate(values):
@@ -232,7 +232,9 @@ def margin_map(
             axes.text(j, i, text, ha="center", va="center", fontsize=8.5, color="white" if dark else "black")
             if value < limit:
                 place = (j - 0.46, i - 0.46)
-                axes.add_patch(Rectangle(place, 0.92, 0.92, edgecolor=_LIMIT, linewidth=2.0, fill=False, zorder=4))
+                axes.add_patch(
+                    Rectangle(place, 0.92, 0.92, edgecolor=_LIMIT_COLOUR, linewidth=2.0, fill=False, zorder=4)
+                )
         axes.set(title=label, xticks=range(len(x)), xticklabels=x, yticks=range(len(y)), yticklabels=y)
         axes.grid(visible=False)
     for axes in places[-1]:
@@ -240,7 +242,7 @@ def margin_map(
     for axes in places[:, 0]:
         axes.set_ylabel("torsion-bar torque [N m]")
     scale = figure.colorbar(image, ax=places, label=axis, shrink=0.8, aspect=30)
-    scale.ax.axhline(limit, color=_LIMIT, linewidth=2.0)
+    scale.ax.axhline(limit, color=_LIMIT_COLOUR, linewidth=2.0)
     return figure
 
 
@@ -255,8 +257,8 @@ def nyquist(curves: Mapping[str, NDArray[np.complex128]], disk: float, title: st
         low, high = (1.0 - 0.5 * disk) / (1.0 + 0.5 * disk), (1.0 + 0.5 * disk) / (1.0 - 0.5 * disk)
         ends = -high, -low
         middle, radius = 0.5 * sum(ends), 0.5 * (ends[1] - ends[0])
-        axes.add_patch(Circle((middle, 0.0), radius, facecolor="#b0002022", edgecolor=_LIMIT, linewidth=1.0))
-        axes.plot(-1.0, 0.0, "+", color=_LIMIT, markersize=9)
+        axes.add_patch(Circle((middle, 0.0), radius, facecolor="#b0002022", edgecolor=_LIMIT_COLOUR, linewidth=1.0))
+        axes.plot(-1.0, 0.0, "+", color=_LIMIT_COLOUR, markersize=9)
         axes.set(xlabel="real part [1]", ylabel="imaginary part [1]")
         axes.set_aspect("equal", adjustable="datalim" if half is None else "box")
         if half is not None:
@@ -286,6 +288,6 @@ def _locus(axes: Axes, values: Array, modes: Sequence[NDArray[np.complex128]], h
     kept = (every.imag >= -1e-9) & (every.imag / (2.0 * np.pi) <= highest) & (every.real > -2.0 * np.pi * highest)
     image = axes.scatter(every[kept].real, every[kept].imag / (2.0 * np.pi), c=colour[kept], s=9, cmap="viridis")
     axes.axvspan(0.0, max(axes.get_xlim()[1], 0.05 * abs(axes.get_xlim()[0])), color="#b0002018", zorder=0)
-    axes.axvline(0.0, color=_LIMIT, linewidth=0.8)
+    axes.axvline(0.0, color=_LIMIT_COLOUR, linewidth=0.8)
     axes.margins(x=0.0)
     return image

@@ -13,7 +13,7 @@ from steer_env.experiments.pages.style import PALETTE, as_svg, legend, new_figur
 
 Array = NDArray[np.float64]
 
-LEAST = 1e-5  # share at which smaller ones are drawn [1]
+LEAST_DRAWN_SHARE = 1e-5  # share at which smaller ones are drawn [1]
 
 
 @as_svg
@@ -40,11 +40,11 @@ def strips(
     axes = figure.subplots()
     colours = dict(zip(shares, PALETTE * len(shares)))
     for place, (factor, _, values) in enumerate(rows):
-        x = np.maximum(np.abs(np.array(values, float)), LEAST)
+        x = np.maximum(np.abs(np.array(values, float)), LEAST_DRAWN_SHARE)
         axes.plot(100.0 * x, np.full(x.size, place), "|", color=colours[factor], markersize=8, alpha=0.6)
         if x.size:
             axes.plot(100.0 * x.max(), place, "o", color=colours[factor], markersize=4)
-    axes.axvspan(100.0 * LEAST, 100.0 * large, color="#f0f0f0", zorder=0)
+    axes.axvspan(100.0 * LEAST_DRAWN_SHARE, 100.0 * large, color="#f0f0f0", zorder=0)
     axes.set(xscale="log", xlabel=label, ylim=(len(rows) - 0.4, -0.6))
     axes.xaxis.set_major_formatter("{x:g}")
     axes.set_yticks(range(len(rows)), [f"{factor}: {case}" for factor, case, _ in rows], fontsize=8)
@@ -79,7 +79,7 @@ _LOOP = "#b9c1cb"
 _MEASURED = "#5b6675"
 
 
-class Shown(NamedTuple):
+class ShownRecord(NamedTuple):
     """A record in the units in which it is shown."""
 
     t: Array  # (T,) [s]
@@ -93,7 +93,9 @@ class Shown(NamedTuple):
 
 
 @as_svg
-def fitted_loops(shown: Shown, curves: Mapping[str, Array], titles: Mapping[str, str], columns: int = 6) -> Figure:
+def fitted_loops(
+    shown: ShownRecord, curves: Mapping[str, Array], titles: Mapping[str, str], columns: int = 6
+) -> Figure:
     """The last loop, measured in grey with a law over it, a panel for each law.
 
     Parameters
@@ -135,7 +137,7 @@ def residuals(rows: Mapping[str, tuple[float, float, float]], repeats: float | N
 
 
 @as_svg
-def law(title: str, shown: Shown, fitted: Array, level: float, colour: str) -> Figure:
+def law(title: str, shown: ShownRecord, fitted: Array, level: float, colour: str) -> Figure:
     """One law: the loop, measured and fitted, and what is left over time [% of the mean friction, ``level``]."""
     figure = new_figure(9.6, 2.9)
     figure.set_label(f"law {title}")

@@ -39,7 +39,7 @@ def digests(names: Iterable[str]) -> dict[str, str]:
     roots = [name for name in names if top(name) != PACKAGE]
     found: dict[str, str] = {}
     for root in roots:
-        if (spec := spec_of(root)) is None or not _has_file(spec):
+        if (spec := find_spec(root)) is None or not _has_file(spec):
             raise ValueError(
                 f"the source of the module {root} cannot be read, so that its results could not be told from those of "
                 "other code: write it to a file that Python imports"
@@ -51,7 +51,7 @@ def digests(names: Iterable[str]) -> dict[str, str]:
         if name in seen or not (top(name) in named or is_own(name)):
             continue
         seen.add(name)
-        if (spec := spec_of(name)) is None:
+        if (spec := find_spec(name)) is None:
             continue  # a function or a value, or what is imported only where it is there
         left.append(name.rpartition(".")[0] or name)
         if _has_file(spec):
@@ -73,7 +73,7 @@ def of_laws() -> list[str]:
 def is_own(name: str) -> bool:
     """Whether a module is the user's own: neither Python's, nor installed, nor of this package."""
     first = top(name)
-    if not first or first == PACKAGE or first in sys.stdlib_module_names or (spec := spec_of(first)) is None:
+    if not first or first == PACKAGE or first in sys.stdlib_module_names or (spec := find_spec(first)) is None:
         return False
     places = [spec.origin] if spec.origin else list(spec.submodule_search_locations or ())
     return not any(_INSTALLED & set(Path(place).parts) for place in places)
@@ -84,12 +84,12 @@ def top(name: str) -> str:
     return name.partition(".")[0]
 
 
-def spec_of(name: str) -> ModuleSpec | None:
+def find_spec(name: str) -> ModuleSpec | None:
     """What ``import`` takes for a dotted name, or has taken; None if there is none. Nothing is imported by that."""
     if name in sys.modules:
         return getattr(sys.modules[name], "__spec__", None)
     first, *rest = name.split(".")
-    spec = importlib.util.find_spec(first) if not rest else spec_of(first)
+    spec = importlib.util.find_spec(first) if not rest else find_spec(first)
     for part in rest:
         if spec is None or spec.submodule_search_locations is None:
             return None

@@ -25,14 +25,15 @@ from steer_env.experiments.pages.style import smaller
 
 _FINDING = re.compile(r'(<!-- measured -->)?<div class="finding">(.*?)</div>', re.DOTALL)
 _HEADING = re.compile(r'<h2 id="[^"]*">(.*?)</h2>')
-LIVE = "live"  # folder of the page to explore, beside another page
-_KEPT = " !$'()*+,-./:;<=>?@[]^_`{|}~"  # may stand in a quoted attribute of HTML and in an address of data as they are
+LIVE_FOLDER = "live"  # folder of the page to explore, beside another page
+# May stand in a quoted attribute of HTML and in an address of data as they are
+_KEPT_CHARACTERS = " !$'()*+,-./:;<=>?@[]^_`{|}~"
 
 
 def image(svg: str) -> Markup:
     """A picture as the source of an image, which needs no other file."""
     text = re.sub(r'="([^"\']*)"', r"='\1'", smaller(svg))  # the other quotes need no escape
-    return Markup("data:image/svg+xml," + quote(text, safe=_KEPT))
+    return Markup("data:image/svg+xml," + quote(text, safe=_KEPT_CHARACTERS))
 
 
 def anchor(title: str) -> str:
@@ -126,7 +127,7 @@ class Page(NamedTuple):
 
 
 class OtherPage(Protocol):
-    """What writes another page beside a page; :class:`steer_env.experiments.explore.beside.Beside`."""
+    """What writes another page beside a page; :class:`steer_env.experiments.explore.beside.PageBeside`."""
 
     def write(self, folder: Path) -> Sequence[tuple[str, str]]:
         """Write it into the folder, and give a label and an address of each link; an empty one where there is none."""
@@ -184,7 +185,7 @@ def parser(study: str, description: str | None) -> argparse.ArgumentParser:
     return found
 
 
-def trace_of(study: str, argv: Sequence[str] | None, out: Path, **made: Any) -> dict[str, Any]:
+def study_trace(study: str, argv: Sequence[str] | None, out: Path, **made: Any) -> dict[str, Any]:
     """The trace of a study's result, as :func:`steer_env.experiments.pages.provenance.trace`.
 
     ``argv`` are the study's own words, None for those of this process, which is no command to be run again. The

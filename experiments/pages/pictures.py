@@ -267,9 +267,9 @@ def learning(tasks: Mapping[str, LearningCurves]) -> Figure:
     return figure
 
 
-_SIZE = (4.0, 3.4)  # [inch]
-_TOGETHER, _ACROSS = 5, 3  # laws that one pair of axes shows, and panels side by side where there are more
-_WIDE = 5.0  # line of the law that the others are compared with [point]
+_PANEL_SIZE = (4.0, 3.4)  # [inch]
+_LAWS_TOGETHER, _PANELS_ACROSS = 5, 3  # laws that one pair of axes shows, and panels side by side where there are more
+_BASE_LINE_WIDTH = 5.0  # line of the law that the others are compared with [point]
 _NOT_NOTICED = "#e3f2ea"
 _WIDEST = 4.0  # half the width of the axis of the differences at most, in thresholds; what is beyond is at its edge
 
@@ -280,10 +280,10 @@ def weave(curves: Mapping[str, Mapping[str, Array]]) -> Figure:
 
     The first law's line is wide and light and lies below the others, so that they are seen where they coincide.
     """
-    figure = new_figure(*_SIZE)
+    figure = new_figure(*_PANEL_SIZE)
     axes = figure.subplots()
     look, first = styles(curves), next(iter(curves))
-    look[first] |= {"linewidth": _WIDE, "alpha": 0.35, "zorder": 1.0}
+    look[first] |= {"linewidth": _BASE_LINE_WIDTH, "alpha": 0.35, "zorder": 1.0}
     for law, style in look.items():
         axes.plot(curves[law][ANGLE] / DEGREE, curves[law][TORQUE], **style)
     axes.set(xlabel="handwheel angle [deg]", ylabel="hand torque [N m]")
@@ -302,27 +302,27 @@ def coincident(curves: Mapping[str, Mapping[str, Array]]) -> list[str]:
 def loops(x: Array, torques: Mapping[str, Array]) -> Figure:
     """Friction torque (T,) [N m] over displacement (T,) [rad], a line for each law.
 
-    More than ``_TOGETHER`` laws have a panel each, with the first law in grey below.
+    More than ``_LAWS_TOGETHER`` laws have a panel each, with the first law in grey below.
     """
     look, (first, *others) = styles(torques), torques
-    if len(torques) <= _TOGETHER:
-        figure = new_figure(*_SIZE)
+    if len(torques) <= _LAWS_TOGETHER:
+        figure = new_figure(*_PANEL_SIZE)
         axes = figure.subplots()
         for law, style in look.items():
             axes.plot(x / DEGREE, torques[law], **{**style, "linewidth": 1.0})
         axes.set(xlabel="displacement [deg]", ylabel="friction torque [N m]")
         legend(figure, axes, 3)
         return figure
-    rows = -(-len(others) // _ACROSS)
-    figure = new_figure(_SIZE[0], 1.1 * rows + 0.4)
-    places = figure.subplots(rows, _ACROSS, sharex=True, sharey=True).flat
+    rows = -(-len(others) // _PANELS_ACROSS)
+    figure = new_figure(_PANEL_SIZE[0], 1.1 * rows + 0.4)
+    places = figure.subplots(rows, _PANELS_ACROSS, sharex=True, sharey=True).flat
     for axes, law in zip(places, others):
         axes.plot(x / DEGREE, torques[first], color="#b9c1cb", linewidth=1.6)
         axes.plot(x / DEGREE, torques[law], **{**look[law], "linewidth": 0.9, "linestyle": "-"})
         axes.set_title(law_name(law), color=look[law]["color"], fontsize=8)
     for place, axes in enumerate(places[len(others) :], len(others)):
         axes.set_axis_off()
-        places[place - _ACROSS].xaxis.set_tick_params(labelbottom=True)  # the lowest of its column
+        places[place - _PANELS_ACROSS].xaxis.set_tick_params(labelbottom=True)  # the lowest of its column
     figure.supxlabel(f"displacement [deg]; grey: {first}", fontsize=8.5)
     figure.supylabel("friction torque [N m]", fontsize=8.5)
     return figure

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from steer_env.experiments.pages.pages import image
-from steer_env.experiments.pages.style import as_svg, colours, legend_of, new_figure
+from steer_env.experiments.pages.style import add_legend_of, as_svg, colours, new_figure
 from steer_env.metrics import CHANNELS, UNITS, RefusedError, frequency_response_curve
 from steer_env.recording.recording import FILE_UNITS, Recording
 
@@ -24,7 +24,7 @@ _DASHES = ("solid", "dash", "dot", "dashdot", "longdash")
 _STILL: dict[str, Any] = {
     **{"solid": "-", "dash": (0, (5, 1.5)), "dot": (0, (1.5, 1.2)), "dashdot": "-.", "longdash": (0, (7, 2))}
 }
-_NAMES = {"rad": "deg", "rad/s": "deg/s", "rad/s2": "deg/s²", "m/s2": "m/s²"}
+_SHOWN_UNITS = {"rad": "deg", "rad/s": "deg/s", "rad/s2": "deg/s²", "m/s2": "m/s²"}
 
 
 class Line(NamedTuple):
@@ -59,7 +59,7 @@ def axis(name: str) -> tuple[str, float]:
     if name == "time":
         return "time [s]", 1.0
     unit = CHANNELS[name]
-    return f"{name.replace('_', ' ')} [{_NAMES.get(unit, unit)}]", FILE_UNITS[unit][1]
+    return f"{name.replace('_', ' ')} [{_SHOWN_UNITS.get(unit, unit)}]", FILE_UNITS[unit][1]
 
 
 def thin_out(values: Array, points: int) -> Array:
@@ -185,7 +185,7 @@ def draw(shown: Sequence[Panel], name: str, height: float = 2.7, columns: int = 
     shown_once = {
         label: handle for axes in places[: len(shown)] for handle, label in zip(*axes.get_legend_handles_labels())
     }
-    legend_of(figure, list(shown_once.values()), list(shown_once), 7)
+    add_legend_of(figure, list(shown_once.values()), list(shown_once), 7)
     return figure
 
 

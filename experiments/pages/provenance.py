@@ -120,7 +120,7 @@ def _law_in_short(p: Any) -> dict[str, Any]:
     return {"law": law_of(p).name, "parameters": {name: _plain(value) for name, value in p._asdict().items()}}
 
 
-def friction_of(short: Mapping[str, Any]) -> dict[str, Any]:
+def friction_from_trace(short: Mapping[str, Any]) -> dict[str, Any]:
     """A friction of a trace in a form that ``friction.resolve`` takes; KeyError for one that is none."""
     return short["sites"] if "sites" in short else {"law": short["law"], **short["parameters"]}
 
@@ -166,7 +166,7 @@ def _processor() -> str:
     return found.group(1) if found else platform.machine()
 
 
-def parameters(p: Any) -> dict[str, dict[str, Any]]:
+def parameter_fields(p: Any) -> dict[str, dict[str, Any]]:
     """Every field of a NamedTuple of parameters with its value, and the comment beside it (meaning and unit).
 
     A field that holds such parameters itself is taken apart: ``level.load``.
@@ -175,7 +175,7 @@ def parameters(p: Any) -> dict[str, dict[str, Any]]:
     found: dict[str, dict[str, Any]] = {}
     for name, value in p._asdict().items():
         if hasattr(value, "_fields"):
-            found |= {f"{name}.{key}": about for key, about in parameters(value).items()}
+            found |= {f"{name}.{key}": about for key, about in parameter_fields(value).items()}
         else:
             found[name] = {"value": _plain(value), "meaning": comments.get(name, "")}
     return found
@@ -195,14 +195,14 @@ def law(p: Any) -> dict[str, Any]:
     return {
         "law": law_of(p).name,
         "definition": _prose(sys.modules[type(p).__module__]),
-        "parameters": parameters(p),
+        "parameters": parameter_fields(p),
     }
 
 
 def car(c: Car) -> dict[str, Any]:
     """Source, assumptions and parameters of a car, SI."""
     keys, own = declared_keys()["assist"], functions.keys(c.assist.functions, SAMPLE_TIME) | motor.keys(c.assist.motor)
-    assist = {name: about for name, about in parameters(c.assist).items() if name not in ("functions", "motor")}
+    assist = {name: about for name, about in parameter_fields(c.assist).items() if name not in ("functions", "motor")}
     for name, value in own.items():
         assist[name] = {"value": _plain(value), "meaning": f"{keys[name].meaning} [{keys[name].unit}]"}
     return {
@@ -213,7 +213,7 @@ def car(c: Car) -> dict[str, Any]:
         "chassis": _with_units("chassis", c.chassis),
         "steering": _with_units("steering", c.steering),
         **({c.kind: _with_units(c.kind, c.given[c.kind])} if c.kind in c.given else {}),
-        "column": parameters(c.column),
+        "column": parameter_fields(c.column),
         "assist": assist,
     }
 

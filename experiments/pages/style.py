@@ -144,10 +144,10 @@ def new_figure(width: float, height: float) -> Figure:
 
 def legend(figure: Figure, axes: Axes, columns: int | None = None) -> None:
     """A legend of one pair of axes above the whole figure, in rows of ``LEGEND_COLUMNS`` or fewer."""
-    legend_of(figure, *axes.get_legend_handles_labels(), columns or LEGEND_COLUMNS)
+    add_legend_of(figure, *axes.get_legend_handles_labels(), columns or LEGEND_COLUMNS)
 
 
-def legend_of(figure: Figure, handles: Sequence[Any], labels: Sequence[str], columns: int) -> None:
+def add_legend_of(figure: Figure, handles: Sequence[Any], labels: Sequence[str], columns: int) -> None:
     """A legend above the whole figure: ``columns`` of the labels in a row, or fewer where they are long."""
     room = int(LETTERS * figure.get_figwidth() / (max(map(len, labels), default=0) + HANDLE))
     figure.legend(handles, labels, loc="outside upper center", ncols=max(1, min(columns, len(labels), room)))
@@ -227,7 +227,7 @@ _LEFT_OUT = re.compile(
 _GROUP = re.compile(r"<g>|<g [^>]*>|</g>")
 _FAMILY = re.compile(r"font-family: [^;]*; ")
 _CLIPPED = re.compile(r'clip-path="url\(#([^)]*)\)" class="([^"]*)"')
-_NAME = re.compile(r' id="([^"]*)"')
+_ID_PATTERN = re.compile(r' id="([^"]*)"')
 _STYLE = re.compile(r'style="([^"]*)"')
 _REFERENCE = re.compile(r'="#([^"]*)"|url\(#([^)]*)\)')
 
@@ -252,7 +252,7 @@ def smaller(svg: str) -> str:
     def classed(found: re.Match[str]) -> str:
         return f'class="{styles.setdefault(found[1], f"s{len(styles)}")}"'
 
-    text = _REFERENCE.sub(referred, _NAME.sub(named, _LEFT_OUT.sub("", svg)))
+    text = _REFERENCE.sub(referred, _ID_PATTERN.sub(named, _LEFT_OUT.sub("", svg)))
     text = _PATH.sub(_stepwise, _PLACES.sub(_round, _STYLE.sub(classed, text))).replace("<g/>", "")
     clips = dict.fromkeys(found[1] for found in _CLIPPED.finditer(text))
     text = _CLIPPED.sub(r'class="\2 \1"', text)

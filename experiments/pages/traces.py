@@ -22,7 +22,7 @@ _ABOUT_THE_RUN = frozenset({"trace", "versions", "provenance", "real_time", "ver
 _ELEMENT = re.compile(r'<script type="application/json" id="trace">(.*?)</script>\n?', re.DOTALL)
 _DATE = re.compile(r"\d{4}-\d\d-\d\d(?:[T ]\d\d:\d\d(?::\d\d)?(?:\+00:00)?)?")
 _MEASURED = re.compile(r"<!-- measured -->.*?<!-- end of measured -->", re.DOTALL)  # durations, and the machine
-_DRAWN = re.compile(r"[0-9a-f]{8}-(?:[0-9a-f]{4}-){3}[0-9a-f]{12}")  # random names of plots in a page
+_RANDOM_NAME_PATTERN = re.compile(r"[0-9a-f]{8}-(?:[0-9a-f]{4}-){3}[0-9a-f]{12}")  # random names of plots in a page
 Place = tuple[str | int, ...]  # of a value: the keys of mappings and the positions in lists that lead to it
 SUFFIXES = (".json", ".html", *files.FORMATS)
 
@@ -112,7 +112,7 @@ def differences(one: str | os.PathLike[str], other: str | os.PathLike[str]) -> l
 def _page(path: str | os.PathLike[str]) -> str:
     """The text of a page without its trace, its dates, what it marks as measured, and the random names of its plots."""
     text = _MEASURED.sub("", _ELEMENT.sub("", toml.text(path)))
-    return _DRAWN.sub("", _DATE.sub("", text))
+    return _RANDOM_NAME_PATTERN.sub("", _DATE.sub("", text))
 
 
 def _values(value: Any, place: Place = ()) -> Iterator[tuple[Place, Any]]:

@@ -194,10 +194,10 @@ def distributions(rows: Mapping[str, Spread]) -> Figure:
     return figure
 
 
-_MIXED, _NONE, _PALE = "#b9a7c9", "#f4f4f4", "#9a9a9a"
-_ROW, _COLUMN, _LEFT, _HEAD = 0.25, 0.72, 4.05, 1.0  # heights and widths [inch]
-_KEY = 3.6  # height of the key of the colours [rows]
-_STEPS = 11  # of the key
+_MIXED_COLOUR, _MISSING_COLOUR, _PALE_COLOUR = "#b9a7c9", "#f4f4f4", "#9a9a9a"
+_ROW_HEIGHT, _COLUMN_WIDTH, _LEFT_WIDTH, _HEAD_HEIGHT = 0.25, 0.72, 4.05, 1.0  # heights and widths [inch]
+_KEY_HEIGHT = 3.6  # height of the key of the colours [rows]
+_KEY_STEPS = 11  # of the key
 
 
 class Cell(NamedTuple):
@@ -231,12 +231,12 @@ def heat_map(
     A column has a name and its range; ``heads`` stand above the labels of the rows and above what is about them;
     ``pale`` tells what is grey in the key of the colours below.
     """
-    height = sum(len(lines) + 1.4 for lines in groups.values()) + _KEY
-    figure = new_figure(_LEFT + _COLUMN * len(columns) + 0.1, _HEAD + _ROW * height)
+    height = sum(len(lines) + 1.4 for lines in groups.values()) + _KEY_HEIGHT
+    figure = new_figure(_LEFT_WIDTH + _COLUMN_WIDTH * len(columns) + 0.1, _HEAD_HEIGHT + _ROW_HEIGHT * height)
     figure.set_layout_engine("none")
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-    left, head = _LEFT / _COLUMN, _HEAD / _ROW
-    axes.set(xlim=(-left, len(columns) + 0.1 / _COLUMN), ylim=(height, -head))
+    left, head = _LEFT_WIDTH / _COLUMN_WIDTH, _HEAD_HEIGHT / _ROW_HEIGHT
+    axes.set(xlim=(-left, len(columns) + 0.1 / _COLUMN_WIDTH), ylim=(height, -head))
     axes.axis("off")
     for j, (name, span) in enumerate(columns):
         axes.text(j + 0.5, -1.55, name, ha="center", va="bottom", fontsize=9, fontweight="bold", linespacing=1.1)
@@ -252,11 +252,11 @@ def heat_map(
             axes.text(-left + 0.15, y + 0.5, line.label, ha="left", va="center", fontsize=9.5)
             axes.text(-0.12, y + 0.5, line.about, ha="right", va="center", fontsize=8.5, color="#555555")
             for j, cell in enumerate(line.cells):
-                fill: Any = _NONE
-                ink = _PALE
+                fill: Any = _MISSING_COLOUR
+                ink = _PALE_COLOUR
                 if cell.matters:
                     share = float(np.clip(cell.share / top, -1.0, 1.0))
-                    fill = _colour(share) if share else _MIXED
+                    fill = _colour(share) if share else _MIXED_COLOUR
                     ink = "white" if share and abs(share) > 0.6 else "black"
                 axes.add_patch(Rectangle((j + 0.02, y + 0.04), 0.96, 0.92, facecolor=fill, edgecolor="none"))
                 weight = "bold" if cell.matters else "normal"
@@ -269,7 +269,7 @@ def heat_map(
                 )
             y += 1.0
         y += 0.2
-    _key(axes, height - _KEY + 0.6, -left + 0.15, heads[0].replace("\n", " "), pale, top)
+    _key(axes, height - _KEY_HEIGHT + 0.6, -left + 0.15, heads[0].replace("\n", " "), pale, top)
     return figure
 
 
@@ -283,13 +283,13 @@ def _key(axes: Axes, y: float, left: float, what: str, pale: str, top: float) ->
     axes.text(
         left, y + 0.1, f"Colours: {what}, from the low to the high end of the parameter", va="center", fontsize=8.5
     )
-    for k in range(_STEPS):
-        share = 2.0 * k / (_STEPS - 1) - 1.0
+    for k in range(_KEY_STEPS):
+        share = 2.0 * k / (_KEY_STEPS - 1) - 1.0
         axes.add_patch(Rectangle((left + 0.5 * k, y + 0.7), 0.5, 0.8, facecolor=_colour(share), edgecolor="none"))
     for share, text in ((0.0, f"−{top:.0f} %\nor more: falls"), (1.0, f"+{top:.0f} %\nor more: rises"), (0.5, "0")):
         align = {0.0: "left", 1.0: "right"}.get(share, "center")
-        axes.text(left + 0.5 * _STEPS * share, y + 1.6, text, ha=align, va="top", fontsize=8.5, color="#333333")
-    for k, (colour, text) in enumerate(((_MIXED, "±: rises and falls"), (_NONE, pale))):
-        at = left + 0.5 * _STEPS + 0.6, y + 0.7 + 1.0 * k
+        axes.text(left + 0.5 * _KEY_STEPS * share, y + 1.6, text, ha=align, va="top", fontsize=8.5, color="#333333")
+    for k, (colour, text) in enumerate(((_MIXED_COLOUR, "±: rises and falls"), (_MISSING_COLOUR, pale))):
+        at = left + 0.5 * _KEY_STEPS + 0.6, y + 0.7 + 1.0 * k
         axes.add_patch(Rectangle(at, 0.5, 0.8, facecolor=colour, edgecolor="#c4ccd4", linewidth=0.5))
         axes.text(at[0] + 0.65, at[1] + 0.4, text, va="center", fontsize=8.5, color="#333333")

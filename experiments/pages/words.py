@@ -9,7 +9,7 @@ _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 # Ends of names that are units, as a reader sees them.
 _UNITS = {"m_s2": "m/s²", "deg_s": "deg/s", "nm": "N m", "hz": "Hz", "g": "g", "s": "s"}
 _QUANTITY = re.compile(rf"_(\d+)(?:p(\d+))?_?({'|'.join(_UNITS)})(?=_|$)")
-_WORDS = {
+_METRIC_WORDS = {
     **{"deadband": "dead band", "tb": "TB", "rms": "RMS", "time to 90": "time to 90\u00a0%"},
     **{"quasi static": "quasi-static", "steady state": "steady-state"},
 }
@@ -63,7 +63,7 @@ def law_name(law: str) -> str:
 def label(metric: str) -> str:
     """Name of a metric in words, with units as they are written: ``torque_gain_at_1hz`` is "torque gain at 1 Hz"."""
     text = _QUANTITY.sub(lambda m: f" {m[1]}{'.' + m[2] if m[2] else ''}\u00a0{_UNITS[m[3]]}", metric).replace("_", " ")
-    for word, written in _WORDS.items():
+    for word, written in _METRIC_WORDS.items():
         text = re.sub(rf"\b{word}\b", written, text)
     return text
 

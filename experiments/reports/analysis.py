@@ -16,7 +16,7 @@ from steer_env.vehicle.analysis import assist_loop, limit_cycle, linearised
 from steer_env.vehicle.analysis.assist_loop import FREQUENCIES
 from steer_env.vehicle.analysis.limit_cycle import Compared
 from steer_env.vehicle.analysis.linearised import Point
-from steer_env.vehicle.analysis.operating_point import Cornering, cornering, held, steady
+from steer_env.vehicle.analysis.operating_point import Cornering, cornering, steady, with_hands
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.plant import CHASSIS_STEP
 from steer_env.vehicle.steering.eps import boost_curve
@@ -24,7 +24,7 @@ from steer_env.vehicle.steering.eps import boost_curve
 Array = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
-NAME = "analyse"
+PAGE_NAME = "analyse"
 MODES_SPEEDS = np.arange(20.0, 201.0, 6.0)  # of the modes [km/h]
 BODE_SPEEDS = (50.0, 100.0, 140.0)  # [km/h]
 BODE_FREQUENCIES = np.geomspace(0.1, 30.0, 120)  # [Hz]
@@ -55,10 +55,10 @@ class Results(NamedTuple):
     @property
     def worst(self) -> Cell:
         """The point of the moving car with the smallest disk margin."""
-        return worst_of([cell for cell in self.cells if cell.speed_kph])
+        return worst_cell([cell for cell in self.cells if cell.speed_kph])
 
 
-def worst_of(cells: list[Cell]) -> Cell:
+def worst_cell(cells: list[Cell]) -> Cell:
     """The cell with the smallest disk margin."""
     return min((cell for cell in cells if cell.margins), key=lambda cell: cell.margins.disk)  # type: ignore[union-attr]
 
@@ -95,7 +95,7 @@ def collect(
         notify(0.8 * i / len(margin_map.SPEEDS), f"margins at {kph:g} km/h")
         turns[kph] = cornering(car, kph / KPH, chassis)
         cells += margin_map.of_speed(turns[kph], kph, p)
-    worst = worst_of([cell for cell in cells if cell.speed_kph])
+    worst = worst_cell([cell for cell in cells if cell.speed_kph])
     notify(0.8, "responses and modes")
     at = [c for c in cells if c.margins and c[0] == worst.speed_kph and c[2:4] == (worst.hands, worst.friction)]
     points = {
@@ -116,7 +116,7 @@ def collect(
     cycles = [
         (kph, hands, each)
         for kph, hands in product(BODE_SPEEDS, ("on", "off"))
-        for each in limit_cycle.compare(held(steady(cornering(car, kph / KPH, chassis)), hands), p)
+        for each in limit_cycle.compare(with_hands(steady(cornering(car, kph / KPH, chassis)), hands), p)
     ]
     return Results(
         car=car.name,
@@ -146,7 +146,7 @@ def _bode(car: Car, chassis: str) -> dict[tuple[str, str], dict[str, Complexes]]
     for kph in BODE_SPEEDS:
         straight = steady(cornering(car, kph / KPH, chassis))
         for hands in ("on", "off"):
-            g = linearised.linearise(held(straight, hands))
+            g = linearised.linearise(with_hands(straight, hands))
             response = g(np.exp(s * CHASSIS_STEP))
             if hands == "on":  # an angle that turns with its speed, one step ahead of the states
                 own = (response[:, 0] + s * response[:, 1]) * np.exp(s * CHASSIS_STEP)

@@ -23,10 +23,10 @@ from steer_env.experiments.pages.plots import Line, Panel
 from steer_env.experiments.pages.style import colours
 from steer_env.experiments.pages.words import number
 from steer_env.experiments.reports import analysis
-from steer_env.experiments.reports.analysis import BODE_FREQUENCIES, NAME, PATHS, Results, worst_of
+from steer_env.experiments.reports.analysis import BODE_FREQUENCIES, PAGE_NAME, PATHS, Results, worst_cell
 from steer_env.vehicle.analysis import limit_cycle
 from steer_env.vehicle.analysis.assist_loop import FREQUENCIES
-from steer_env.vehicle.analysis.operating_point import HANDS
+from steer_env.vehicle.analysis.operating_point import HAND_MODES
 
 Array = NDArray[np.float64]
 
@@ -43,7 +43,7 @@ def limits(cells: Sequence[Cell]) -> list[str]:
 def _maps(results: Results, value: Callable[[Cell], float]) -> dict[str, Array]:
     """Values (torque, speed) of every pair of hands and friction."""
     found = {}
-    for hands, friction in product(HANDS, (SLIDING, RESTING)):
+    for hands, friction in product(HAND_MODES, (SLIDING, RESTING)):
         own = [value(c) for c in results.cells if c.speed_kph and (c.hands, c.friction) == (hands, friction)]
         found[f"hands {hands}, {friction}"] = np.reshape(own, (len(margin_map.SPEEDS), len(margin_map.TORQUES))).T
     return found
@@ -54,7 +54,7 @@ def _speeds(results: Results) -> list[tuple[str, ...]]:
     rows = []
     for kph in sorted({c.speed_kph for c in results.cells}):
         own = [c for c in results.cells if c.margins and c.speed_kph == kph]
-        worst = worst_of(own)
+        worst = worst_cell(own)
         least = [min(values) for values in zip(*((c.phase_deg, c.gain_db, 1e3 * c.margins.delay) for c in own))]  # type: ignore[union-attr]
         m = worst.margins
         rows.append((f"{kph:g}", *map(number, least), number(m.disk), worst.where.partition(", ")[2]))  # type: ignore[union-attr]
@@ -64,7 +64,7 @@ def _speeds(results: Results) -> list[tuple[str, ...]]:
 def _least(results: Results) -> dict[str, tuple[Array, Array, Array]]:
     """Speeds [km/h] with the smallest phase [deg] and gain margin [dB], for all hands."""
     found = {}
-    for hands in HANDS:
+    for hands in HAND_MODES:
         own = [c for c in results.cells if c.margins and c.hands == hands]
         speeds = sorted({c.speed_kph for c in own})
         at = [[c for c in own if c.speed_kph == kph] for kph in speeds]
@@ -150,10 +150,10 @@ def _page(results: Results) -> Page:
         "sinusoidal": [each for _, _, each in results.cycles if each.sinusoidal],
         "cycles": _cycles(results),
     }
-    return Page(NAME, values)
+    return Page(PAGE_NAME, values)
 
 
-def build(results: Results) -> tuple[Page, dict[str, Any]]:
+def build_page(results: Results) -> tuple[Page, dict[str, Any]]:
     """The page and its numbers as JSON; null for a margin without a crossing."""
 
     def finite(x: float) -> float | None:

@@ -30,7 +30,7 @@ from steer_env.recording.recording import Recording
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 LONGEST = 10  # rows of a table of the first screen
-STEP = 1.01 * SAMPLE_TIME  # of a recording that was written as it was simulated, at most [s]
+LARGEST_SIMULATED_STEP = 1.01 * SAMPLE_TIME  # of a recording that was written as it was simulated, at most [s]
 
 
 def title(found: "Assessment") -> str:
@@ -145,7 +145,7 @@ def differing(recordings: Mapping[str, Recording]) -> list[tuple[str, list[Any]]
 
 def _law(trace: Mapping[str, Any]) -> dict[str, Any]:
     """The law or the sites of a recording, and no text beside numbers, in place of those of the car."""
-    laws = [provenance.friction_of(each) for each in trace.get("friction", {}).values()]
+    laws = [provenance.friction_from_trace(each) for each in trace.get("friction", {}).values()]
     return {"description": None, "source": None, "friction": laws[0] if len(laws) == 1 else None}
 
 
@@ -377,7 +377,7 @@ def largest(found: Assessment) -> list[str]:
     return sorted(shares, key=lambda name: -shares[name])[:LONGEST]
 
 
-def _off(found: Assessment) -> list[tuple[str, targets.Band]]:
+def _metrics_off_band(found: Assessment) -> list[tuple[str, targets.Band]]:
     """Metrics of the only recording that are not in their good bands."""
     (ratings,) = found.ratings.values()
     return [(name, found.bands[name]) for name, r in ratings.items() if r and r.colour != targets.COLOURS[0]]
@@ -425,7 +425,7 @@ def _caption(found: Assessment) -> str:
     return ""
 
 
-def page_of(
+def make_page(
     found: Assessment,
     recordings: Mapping[str, Recording],
     trace: Mapping[str, Any] | None = None,
@@ -446,10 +446,12 @@ def page_of(
         "labels": labels,
         "values": {label: found.shown(label) for label in labels},
         "longest": LONGEST,
-        "off": _off(found) if len(labels) == 1 else [],
+        "off": _metrics_off_band(found) if len(labels) == 1 else [],
         "title": title(found),
         "verdict": verdict(found),
-        "thinned": [label for label in labels if label in found.simulated and _step(recordings[label]) > STEP],
+        "thinned": [
+            label for label in labels if label in found.simulated and _step(recordings[label]) > LARGEST_SIMULATED_STEP
+        ],
         "unknown": _unknown(found),
         "nearest": found.nearest and explanation,
         "gained": [*zip(found.pairs, found.nearest.pairs)] if found.nearest else [],
@@ -488,5 +490,5 @@ def write(
     """
     trace = provenance.trace() if trace is None else trace
     with replaced_directory(out, CONTENTS) as part:
-        write_page(part, page_of(found, recordings, trace, full), {"evaluation.json": as_json(found)}, trace)
+        write_page(part, make_page(found, recordings, trace, full), {"evaluation.json": as_json(found)}, trace)
         write_text(part / "metrics.csv", csv_text(as_rows(found)))

@@ -8,11 +8,11 @@ from steer_env.experiments.pages.pages import Page
 from steer_env.experiments.pages.words import number
 from steer_env.experiments.studies.common import step_time
 from steer_env.experiments.studies.common.computing_time import Estimate
-from steer_env.experiments.studies.common.step_time import OWN, ROWS, Case, Results, Time
+from steer_env.experiments.studies.common.step_time import OWN_FRICTION, ROW_COUNTS, Case, Results, Time
 from steer_env.friction.numerics.extras import install
 from steer_env.vehicle import cars
 
-NAME = "bench"
+PAGE_NAME = "bench"
 TRACKS = {"single_track": "one track", "two_track": "two tracks"}
 
 
@@ -34,21 +34,25 @@ def _threads(case: Case) -> str:
     return f"{case.threads} thread{'s' if case.threads > 1 else ''}"
 
 
-def _own(times: list[Time], chassis: str, rows: int, threads: int, what: str = "") -> Estimate | None:
+def _own_ratio(times: list[Time], chassis: str, rows: int, threads: int, what: str = "") -> Estimate | None:
     """The ratio of this project's environment with the friction of the car."""
-    wanted = f"{OWN}, {chassis}{what}"
+    wanted = f"{OWN_FRICTION}, {chassis}{what}"
     return next((t.ratio for t in times if (t.case.what, t.case.rows, t.case.threads) == (wanted, rows, threads)), None)
 
 
-def build(found: Results) -> tuple[Page, dict[str, Any]]:
+def build_page(found: Results) -> tuple[Page, dict[str, Any]]:
     """The page and its numbers as JSON."""
-    most = max(step_time.THREADS)
-    shown = [t for t in found.times if not _is_vector(t.case) or (t.case.rows, t.case.threads) == (ROWS[-1], most)]
+    most = max(step_time.THREAD_COUNTS)
+    shown = [
+        t for t in found.times if not _is_vector(t.case) or (t.case.rows, t.case.threads) == (ROW_COUNTS[-1], most)
+    ]
     versions = provenance.versions()
     values = {
-        "single": {chassis: _own(found.times, chassis, 1, 1) for chassis in cars.SPEEDS},
-        "many": {chassis: _own(found.times, chassis, ROWS[-1], most, ", vector") for chassis in cars.SPEEDS},
-        "rows": ROWS[-1],
+        "single": {chassis: _own_ratio(found.times, chassis, 1, 1) for chassis in cars.SPEEDS},
+        "many": {
+            chassis: _own_ratio(found.times, chassis, ROW_COUNTS[-1], most, ", vector") for chassis in cars.SPEEDS
+        },
+        "rows": ROW_COUNTS[-1],
         "threads": most,
         "task": step_time.TASK,
         "base": step_time.CART,
@@ -82,13 +86,13 @@ def build(found: Results) -> tuple[Page, dict[str, Any]]:
         "notes": [f"{note}: {install('bench')}" for note in found.notes],
         "versions": versions,
     }
-    return Page(NAME, values), {**step_time.as_json(found), "versions": versions}
+    return Page(PAGE_NAME, values), {**step_time.as_json(found), "versions": versions}
 
 
 def _largest(found: Results, chassis: str) -> tuple[float, str, float]:
     """Share of the plant in a step [1], and the largest of its parts with its share."""
     shares = {s.name: s.share.median for s in found.shares if s.chassis == chassis}
-    around = shares.pop(step_time.AROUND, math.nan)
+    around = shares.pop(step_time.AROUND_PLANT, math.nan)
     name = max(shares, key=lambda name: shares[name], default="")
     return 1.0 - around, name, shares.get(name, math.nan)
 
@@ -97,7 +101,7 @@ def _lines(times: list[Time]) -> dict[str, tuple[list[int], list[float]]]:
     """Ratio of a row over the number of rows, a line for each vector environment with threads."""
     lines: dict[str, tuple[list[int], list[float]]] = {}
     for case, _, ratio, _ in times:
-        if _is_vector(case) and (case.program != "steer-env" or case.what.startswith(OWN)):
+        if _is_vector(case) and (case.program != "steer-env" or case.what.startswith(OWN_FRICTION)):
             what = case.label.removesuffix(", vector").replace("_", " ")
             x, y = lines.setdefault(f"{what}, {_threads(case)}", ([], []))
             x.append(case.rows)

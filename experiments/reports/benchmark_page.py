@@ -10,7 +10,7 @@ import gymnasium as gym
 from steer_env import tasks
 from steer_env.environments import default_speed
 from steer_env.experiments.learning import benchmark, policy_report, records, tuners
-from steer_env.experiments.learning.benchmark import KINDS, Drive, Part, Scored, Suite
+from steer_env.experiments.learning.benchmark import CONTROLLER_KINDS, Drive, Part, Scored, Suite
 from steer_env.experiments.learning.held_out import Estimate
 from steer_env.experiments.pages import provenance
 from steer_env.experiments.pages.pages import Page, write_page
@@ -19,7 +19,7 @@ from steer_env.experiments.pages.words import label, unit, within
 from steer_env.registration import DRIVEN, TUNED
 
 MARK = "*"  # beside what was earned with a mean cost above the limit
-NONE = "–"
+NO_VALUE = "–"
 TERMS = ("information", "decides", "delay", "tuning")
 
 
@@ -70,7 +70,7 @@ class Standing(NamedTuple):
     def terms(self) -> Table:
         """On which terms every entry acts, and with what budget it was tuned."""
         rows = [
-            (name, *(entry.controller["terms"].get(key, NONE) for key in TERMS))
+            (name, *(entry.controller["terms"].get(key, NO_VALUE) for key in TERMS))
             for name, entry in zip(self.names, self.entries)
         ]
         return Table(f"Terms of the entries in {self.suite.name}", ("entry", *TERMS), rows, text=True)
@@ -150,14 +150,17 @@ def spread(e: Estimate) -> str:
 
 def _marked(part: Part) -> str:
     if not part.summary:
-        return NONE
+        return NO_VALUE
     return spread(part.score) + (f" {MARK}" if part.beyond_limit else "")
 
 
 def read(folder: Path) -> list[Scored]:
     """The entries of a folder, by the names of their files; ValueError for a file that is none."""
     paths = sorted(
-        path for suite in benchmark.names() for kind in KINDS for path in folder.glob(f"{suite}-{kind}-*.json")
+        path
+        for suite in benchmark.names()
+        for kind in CONTROLLER_KINDS
+        for path in folder.glob(f"{suite}-{kind}-*.json")
     )
     return [benchmark.score_entry(benchmark.read(path)) for path in paths]
 

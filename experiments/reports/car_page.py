@@ -1,6 +1,6 @@
 """The page of a car: derived quantities beside the ranges of passenger cars, and curves, for any car.
 
-``build`` writes ``index.html`` (self-contained) and ``car.json``.
+``write_car_page`` writes ``index.html`` (self-contained) and ``car.json``.
 """
 
 import math
@@ -13,18 +13,18 @@ import numpy as np
 
 from steer_env.experiments.pages import car_pictures, pictures, provenance
 from steer_env.experiments.pages.files import replaced_directory
-from steer_env.experiments.pages.pages import LIVE, OtherPage, Page, image, write_page
+from steer_env.experiments.pages.pages import LIVE_FOLDER, OtherPage, Page, image, write_page
 from steer_env.experiments.reports import car_quantities, car_suspension
 from steer_env.experiments.reports.car_quantities import CHASSIS, Quantity, ranges
-from steer_env.experiments.reports.car_simulated import OWN, SPEED, SPEEDS, Simulated, simulate
+from steer_env.experiments.reports.car_simulated import OWN_FRICTION, SPEED, SPEEDS, Simulated, simulate
 from steer_env.experiments.studies.common.assist_margins import TARGETS
 from steer_env.recording.recording import DEGREE
 from steer_env.vehicle import cars
 from steer_env.vehicle.analysis import understeer
-from steer_env.vehicle.analysis.free_control import SMALL
+from steer_env.vehicle.analysis.free_control import SETTLED_AMPLITUDE
 from steer_env.vehicle.cars import Car
 
-CONTENTS = frozenset({"index.html", "car.json", LIVE})
+CONTENTS = frozenset({"index.html", "car.json", LIVE_FOLDER})
 KPH = 3.6  # [km/h] of 1 m/s
 
 
@@ -105,7 +105,7 @@ def _pictures(car: Car, found: list[Quantity], simulated: Simulated) -> dict[str
     speeds, curves, slopes = np.array(SPEEDS), car_suspension.curves(car), car_suspension.slopes(car)
     lags = {
         title: {
-            "simulated with friction": simulated.lags[chassis, OWN],
+            "simulated with friction": simulated.lags[chassis, OWN_FRICTION],
             "simulated without friction": simulated.lags[chassis, "none"],
             "linear model": np.array([understeer.yaw_lag(car, v, chassis=chassis) for v in SPEEDS]),
             "Bundorf": np.array([understeer.bundorf_lag(car, v, chassis) for v in SPEEDS]),
@@ -132,7 +132,7 @@ def _pictures(car: Car, found: list[Quantity], simulated: Simulated) -> dict[str
             KPH * speeds,
             {CHASSIS[name]: free.damping for name, free in simulated.hands_off.items()},
             amplitudes,
-            SMALL / DEGREE,
+            SETTLED_AMPLITUDE / DEGREE,
         ),
         "kinematics": car_pictures.kinematics(curves),
         "steering": car_pictures.steering(curves),
@@ -149,7 +149,7 @@ def _pictures(car: Car, found: list[Quantity], simulated: Simulated) -> dict[str
     }
 
 
-def page_of(car: Car, found: list[Quantity], simulated: Simulated) -> Page:
+def make_page(car: Car, found: list[Quantity], simulated: Simulated) -> Page:
     """The page."""
     values = {
         "car": car,
@@ -164,7 +164,9 @@ def page_of(car: Car, found: list[Quantity], simulated: Simulated) -> Page:
     return Page("car", values)
 
 
-def build(out: Path, car: Car, trace: dict[str, Any] | None = None, beside: OtherPage | None = None) -> list[Quantity]:
+def write_car_page(
+    out: Path, car: Car, trace: dict[str, Any] | None = None, beside: OtherPage | None = None
+) -> list[Quantity]:
     """Derive the quantities of a car and write its page into a directory, which appears or is replaced as a whole.
 
     Parameters
@@ -186,5 +188,5 @@ def build(out: Path, car: Car, trace: dict[str, Any] | None = None, beside: Othe
     with replaced_directory(out, CONTENTS) as part:
         simulated = simulate(car)
         found = car_quantities.collect(car, simulated)
-        write_page(part, page_of(car, found, simulated), {"car.json": as_json(car, found)}, trace, beside)
+        write_page(part, make_page(car, found, simulated), {"car.json": as_json(car, found)}, trace, beside)
     return found

@@ -25,10 +25,10 @@ from steer_env.vehicle.steering.eps import boost_curve
 from steer_env.vehicle.tyre import cornering_stiffness
 
 RANGES = Path(__file__).parents[1] / "data" / "ranges" / "car.toml"
-PUBLISHED, JUDGEMENT, NONE = "published", "engineering judgement", "no published range"
+PUBLISHED, JUDGEMENT, NO_RANGE = "published", "engineering judgement", "no published range"
 LIMIT_TRIED = SPEEDS[-1]  # [m/s]
 # Quantities of ``plausible`` that the page has in another group.
-_BESIDE = (
+_MOVED_QUANTITIES = (
     *("roll gradient", "steering ratio"),
     *(f"cornering stiffness over load of a {axle} tyre" for axle in ("front", "rear")),
     *(f"chassis.rear_{key}" for key in ("roll_centre", "bump_steer", "camber_gain", "lateral_compliance")),
@@ -47,14 +47,14 @@ class Quantity(NamedTuple):
     unit: str
     low: float = -math.inf  # of the range [unit]
     high: float = math.inf  # of the range [unit]
-    basis: str = NONE  # of the range: published, engineering judgement, or none
+    basis: str = NO_RANGE  # of the range: published, engineering judgement, or none
     source: str = ""  # of the range
     note: str = ""
 
     @property
     def plausible(self) -> bool | None:
         """Whether the value is in its range; None without a range or a value."""
-        return None if self.basis == NONE or math.isnan(self.value) else self.low <= self.value <= self.high
+        return None if self.basis == NO_RANGE or math.isnan(self.value) else self.low <= self.value <= self.high
 
     @property
     def limits(self) -> str:
@@ -97,7 +97,7 @@ def numbers(car: Car) -> list[Quantity]:
     index = c["pitch_inertia"] / (c["sprung_mass"] * c["front_axle"] * c["rear_axle"])
     group.add("pitch_dynamic_index", "dynamic index of pitch of the body", index, "1")
     for q in plausible.quantities(car):
-        if q.name not in _BESIDE:
+        if q.name not in _MOVED_QUANTITIES:
             basis = JUDGEMENT if q.source == plausible.JUDGEMENT else PUBLISHED
             source = "" if basis == JUDGEMENT else q.source
             section, _, key = q.name.rpartition(".")

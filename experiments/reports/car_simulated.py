@@ -23,12 +23,13 @@ SPEED = 100.0 / 3.6  # of quantities that depend on it [m/s]
 SPEEDS = tuple(float(v) for v in range(10, 61, 5))  # of the curves over speed [m/s]
 ASSISTED = (0.0, 50.0, 100.0)  # of the margins of the assist loop; 0 is parking [km/h]
 LAG_FREQUENCY = 0.2  # of the yaw lag, as in the weave [Hz]
-HELD = 0.98  # share of the speed that counts as held, assumed [1]
+HELD_SPEED_SHARE = 0.98  # share of the speed that counts as held, assumed [1]
 LAG_ACCELERATION = 2.0  # of the yaw lag, as in the weave [m/s2]
-SMALL = 0.3  # lateral acceleration of the steady turn, small enough for the slopes straight ahead, assumed [m/s2]
+# Lateral acceleration of the steady turn, small enough for the slopes straight ahead, assumed [m/s2]
+SMALL_ACCELERATION = 0.3
 STEADY = 0.01  # change of the yaw rate in the last second of a steady turn, assumed [1]
-OWN, NONE = "own", "none"  # with the friction of the car, and without
-LAWS: dict[str, Any] = {OWN: None, NONE: free_control.FRICTIONLESS}
+OWN_FRICTION, NO_FRICTION = "own", "none"  # with the friction of the car, and without
+LAWS: dict[str, Any] = {OWN_FRICTION: None, NO_FRICTION: free_control.FRICTIONLESS}
 
 
 class Steady(NamedTuple):
@@ -44,15 +45,15 @@ class HandsOff(NamedTuple):
     """The car without hands on one chassis, over SPEEDS."""
 
     damping: Array  # (n,) damping ratio of the least damped mode without friction, negative where it grows [1]
-    limit: dict[str, float]  # OWN, NONE -> highest speed without a spin or a sustained oscillation [m/s]
-    pulses: dict[str, list[free_control.Pulse]]  # OWN, NONE -> motion after a pulse of 3 N m
+    limit: dict[str, float]  # OWN, NO_FRICTION -> highest speed without a spin or a sustained oscillation [m/s]
+    pulses: dict[str, list[free_control.Pulse]]  # OWN, NO_FRICTION -> motion after a pulse of 3 N m
 
 
 class Simulated(NamedTuple):
     """Simulations of one car."""
 
     steady: dict[str, Steady]  # chassis
-    lags: dict[tuple[str, str], Array]  # chassis, OWN or NONE -> (len(SPEEDS),) yaw lag [s]
+    lags: dict[tuple[str, str], Array]  # chassis, OWN or NO_FRICTION -> (len(SPEEDS),) yaw lag [s]
     lag: dict[tuple[str, str], float]  # the same at SPEED [s]
     parking: dict[str, vehicle.Parking]  # "assisted", "unassisted"
     weave: dict[str, Value]  # metrics
@@ -94,7 +95,7 @@ def steady(car: Car, chassis: str, speed: float = SPEED) -> Steady:
         v = float(found["longitudinal_speed"][-1]) if "longitudinal_speed" in found else speed
         acceleration = v * float(found["yaw_rate"][-1])
         slope = angle / acceleration
-        angle = SMALL * slope
+        angle = SMALL_ACCELERATION * slope
     column = float(found["column_angle"][-1]) / acceleration
     roll = float(found["roll_angle"][-1]) / acceleration
     return Steady(slope, gain * column - wheelbase / v**2, slope - column, roll)
@@ -111,7 +112,7 @@ def yaw_lag(car: Car, chassis: str, law: Any, speed: float) -> float:
     amplitude = LAG_ACCELERATION * steady(car, chassis, speed).angle
     t, period = _times(3.0 / LAG_FREQUENCY), round(1.0 / LAG_FREQUENCY / SAMPLE_TIME)
     found = _run(car.plant(law, speed, robot=True, chassis=chassis), sine(t, amplitude, LAG_FREQUENCY))
-    if "longitudinal_speed" in found and found["longitudinal_speed"][-1] < HELD * speed:
+    if "longitudinal_speed" in found and found["longitudinal_speed"][-1] < HELD_SPEED_SHARE * speed:
         raise ValueError("the engine does not hold the speed")
     wave = np.exp(-2j * np.pi * LAG_FREQUENCY * t[-period:])
     response = (found["yaw_rate"][-period:] @ wave) / (found["handwheel_angle"][-period:] @ wave)
@@ -122,7 +123,7 @@ def hands_off(car: Car, chassis: str) -> HandsOff:
     """Least damping and pulses over SPEEDS, and the limits, with and without friction."""
     plants = {name: [car.plant(law, v, chassis=chassis) for v in SPEEDS] for name, law in LAWS.items()}
     return HandsOff(
-        damping=np.array([free_control.least_damping_ratio(p)[0] for p in plants[NONE]]),
+        damping=np.array([free_control.least_damping_ratio(p)[0] for p in plants[NO_FRICTION]]),
         limit={name: free_control.limit(car, law, chassis) for name, law in LAWS.items()},
         pulses={name: [free_control.pulse(p) for p in found] for name, found in plants.items()},
     )

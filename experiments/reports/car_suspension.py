@@ -14,7 +14,7 @@ from steer_env.vehicle.suspension.macpherson import load_coefficients
 Array = NDArray[np.float64]
 
 POINTS = 61  # of a curve
-STEP = 1e-4  # half step of the slopes [m]
+SLOPE_STEP = 1e-4  # half step of the slopes [m]
 
 
 class Curves(NamedTuple):
@@ -47,8 +47,8 @@ def slopes(car: Car) -> Slopes:
 
     All compliance of the front wheels is that of the steering; the rear wheels yield to lateral forces only.
     """
-    c, low, high = car.chassis, car.strut.solve(0.0, -STEP), car.strut.solve(0.0, STEP)
-    toe, camber = (float(getattr(high, name) - getattr(low, name)) / (2.0 * STEP) for name in ("toe", "camber"))
+    c, low, high = car.chassis, car.strut.solve(0.0, -SLOPE_STEP), car.strut.solve(0.0, SLOPE_STEP)
+    toe, camber = (float(getattr(high, name) - getattr(low, name)) / (2.0 * SLOPE_STEP) for name in ("toe", "camber"))
     pose = car.strut.straight
     work = load_coefficients(pose)
     # A unit load on both front wheels moves the rack by twice its work over the stiffness (P5).

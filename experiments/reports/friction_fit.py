@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from steer_env import friction
-from steer_env.experiments.pages.pages import LIVE
+from steer_env.experiments.pages.pages import LIVE_FOLDER
 from steer_env.friction import Compared, Record
 from steer_env.friction.identification import periods
 from steer_env.friction.identification.compare import HELD_OUT, remainder
-from steer_env.friction.identification.displacement import deviation_of
+from steer_env.friction.identification.displacement import displacement_noise
 from steer_env.friction.law import LAWS
 from steer_env.friction.numerics.check import number
 from steer_env.recording import friction_checks
@@ -21,7 +21,7 @@ from steer_env.recording.units import DEGREE
 
 RESTS = 0.1  # of the judging part: shorter rests are those of reversals, and not told; assumed [1]
 # Unit in memory -> how a reader sees it, and the size of that.
-SHOWN = {"rad": ("deg", DEGREE), "m": ("mm", 1e-3), "N m": ("N m", 1.0), "N": ("N", 1.0)}
+SHOWN_UNITS = {"rad": ("deg", DEGREE), "m": ("mm", 1e-3), "N m": ("N m", 1.0), "N": ("N", 1.0)}
 LOADED = 0.2  # variation of a load by which a level can be fitted, over the largest load, at least; assumed [1]
 
 
@@ -64,7 +64,7 @@ class Found(NamedTuple):
 
 def contents() -> frozenset[str]:
     """Names of the files of an output."""
-    return frozenset({"index.html", "fit.json", LIVE, *(f"{law}.json" for law in LAWS.available())})
+    return frozenset({"index.html", "fit.json", LIVE_FOLDER, *(f"{law}.json" for law in LAWS.available())})
 
 
 def collect(
@@ -108,11 +108,11 @@ def collect(
     n = record.x.size
     share = HELD_OUT if held_out is None else number("held_out", held_out, minimum=0.0, maximum=0.9)
     first = n - round(share * n) if share else 0
-    if held_out is None and friction_checks.turns(record.motion[:first]).size < 2:
+    if held_out is None and friction_checks.find_reversals(record.motion[:first]).size < 2:
         first = 0
     if record.motion is not record.x:
-        unit, size = SHOWN[record.units["displacement"]]
-        noise = deviation_of(record.x) / size
+        unit, size = SHOWN_UNITS[record.units["displacement"]]
+        noise = displacement_noise(record.x) / size
         text = f"the displacement has noise of {noise:.2g} {unit}: it is smoothed between reversals"
         record = replace(record, notes=(*record.notes, text))
     given = Record(record.x, record.friction, record.dt, record.load if by_load else None)
@@ -127,7 +127,7 @@ def collect(
 
 def known_from(record: FrictionRecord) -> int:
     """First sample at which the memory of a law hardly depends on what was before the record: the second reversal."""
-    turns = friction_checks.turns(record.motion)
+    turns = friction_checks.find_reversals(record.motion)
     return int(turns[1]) if turns.size > 2 else 0
 
 

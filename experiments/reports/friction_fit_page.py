@@ -20,14 +20,15 @@ from steer_env.experiments.pages.pages import OtherPage, Page, environment, imag
 from steer_env.experiments.pages.style import colours, picture_folder
 from steer_env.experiments.pages.words import capital
 from steer_env.experiments.pages.words import number as shown_number
-from steer_env.experiments.reports.friction_fit import SHOWN, Found, contents, known_from
+from steer_env.experiments.reports.friction_fit import SHOWN_UNITS, Found, contents, known_from
 from steer_env.friction import Compared, Fit
 from steer_env.friction.identification import periods
 from steer_env.friction.law import LAWS
 from steer_env.metrics.common import just_noticeable
 
 ADVICE = ": try another law with friction.compare"  # at the end of a warning of a law that does not describe the record
-WITHIN = 1.5  # of the record's own repeatability: a law that leaves no more describes the record; assumed [1]
+# Of the record's own repeatability: a law that leaves no more describes the record; assumed [1]
+DESCRIBING_FACTOR = 1.5
 
 
 class Row(NamedTuple):
@@ -48,7 +49,7 @@ def percent(found: Found, value: float) -> float:
 
 def verdict(found: Found) -> str:
     """One sentence: the laws that describe the record best, and which others a driver would notice in their place."""
-    off = apart(found) if found.record.of_a_column else {}
+    off = law_distances(found) if found.record.of_a_column else {}
     template = environment().get_template("friction_fit_said.html.j2")
     said = template.render(
         found=found,
@@ -62,7 +63,7 @@ def verdict(found: Found) -> str:
     return capital(str(Markup(said.strip()).unescape())).replace(" %", "\u00a0%")
 
 
-def apart(found: Found) -> dict[str, float]:
+def law_distances(found: Found) -> dict[str, float]:
     """How far the friction of each law that leaves more is from the best one's where it judges, RMS, as recorded."""
     others = [each.law for each in found.laws if found.apart(each)]
     best = found.curves[found.best.law][found.first :] if found.best else np.zeros(0)
@@ -86,7 +87,7 @@ LAW_TITLES = {  # of laws whose names are not plain words
 }
 
 
-def unit_of(law: str, parameter: str, units: Mapping[str, str]) -> str:
+def parameter_unit(law: str, parameter: str, units: Mapping[str, str]) -> str:
     """Unit of a parameter for a record in these units."""
     return in_units(LAWS[law].units.get(parameter, ""), units)
 
@@ -101,7 +102,7 @@ def warnings(fit: Fit, units: Mapping[str, str]) -> list[str]:
     return [in_units(text.removesuffix(ADVICE), units) for text in fit.warnings]
 
 
-def beside(value: float, ends: tuple[Any, Any]) -> tuple[str, str]:
+def value_with_interval(value: float, ends: tuple[Any, Any]) -> tuple[str, str]:
     """A value and its interval with as many digits as the printed interval needs to hold the printed value."""
     low, high = map(float, ends)
     for digits in range(4, 10):
@@ -124,18 +125,18 @@ def rows(fit: Fit, units: Mapping[str, str]) -> list[Row]:
         undetermined = name in fit.undetermined
         text, ends = ", ".join(map(shown_number, value)) if isinstance(value, list) else shown_number(value, 4), ""
         if interval is not None and not np.ndim(interval[0]):
-            text, ends = beside(value, interval)
+            text, ends = value_with_interval(value, interval)
         limit = " and ".join(side for side, at in zip(("lower", "upper"), fit.limits.get(name, (False, False))) if at)
-        found.append(Row(name, text, ends, unit_of(fit.law, name, units), not undetermined, limit))
-    for name, value in level_of(fit).items():
+        found.append(Row(name, text, ends, parameter_unit(fit.law, name, units), not undetermined, limit))
+    for name, value in fitted_level(fit).items():
         interval = fit.intervals.get(name)
         unit = in_units({"load": "1/N", "order": "1/rad", "peak": "rad"}.get(name, "1"), units)
-        text, ends = beside(value, interval) if interval else (shown_number(value, 4), "")
+        text, ends = value_with_interval(value, interval) if interval else (shown_number(value, 4), "")
         found.append(Row(f"level, {name}", text, ends, unit, name not in fit.undetermined))
     return found
 
 
-def level_of(fit: Fit) -> dict[str, float]:
+def fitted_level(fit: Fit) -> dict[str, float]:
     """What a fit found of the level, by the fields of ``steer_env.friction.level.Level``.
 
     Order and peak are there where the position has an influence.
@@ -150,7 +151,7 @@ def level_of(fit: Fit) -> dict[str, float]:
 
 def car_options(fit: Fit | None) -> str:
     """The options that give a car the level over the position of a fit; empty without one."""
-    level = {} if fit is None else level_of(fit)
+    level = {} if fit is None else fitted_level(fit)
     names = ("position", "order", "peak") if "position" in level else ()
     return " ".join(f"--set steering.friction_{name}={level[name]:.6g}" for name in names)
 
@@ -158,13 +159,13 @@ def car_options(fit: Fit | None) -> str:
 def asymmetry(fit: Fit) -> tuple[str, str]:
     """The asymmetry of the level that has the place of the offset, and its interval; empty texts without one."""
     value, low, high = fit.asymmetry
-    return beside(value, (low, high)) if math.isfinite(value) else ("", "")
+    return value_with_interval(value, (low, high)) if math.isfinite(value) else ("", "")
 
 
 def saturated(fit: Fit, units: Mapping[str, str]) -> Row:
     """The saturated friction at the record's speed; open above where the record does not saturate."""
     value, low, high = fit.saturated
-    text, ends = beside(value, (low, high))
+    text, ends = value_with_interval(value, (low, high))
     return Row("saturated friction at the record’s speed", text, ends, units["torque"], True)
 
 
@@ -173,7 +174,7 @@ def sliders(fit: Fit) -> list[tuple[str, str, str, str]]:
     found = []
     for each in fit.sliders:
         pairs = ((each.k, each.k_interval), (each.y, each.y_interval))
-        k, y = (beside(value, ends) if ends else (shown_number(value, 4), "") for value, ends in pairs)
+        k, y = (value_with_interval(value, ends) if ends else (shown_number(value, 4), "") for value, ends in pairs)
         found.append((*k, *y))
     return found
 
@@ -244,20 +245,20 @@ def _plain(value: Any) -> Any:
     return float(value) if math.isfinite(value) else None
 
 
-def shown(found: Found) -> friction_pictures.Shown:
+def shown_record(found: Found) -> friction_pictures.ShownRecord:
     """The record in the units of the page, with its last whole loop."""
     r = found.record
-    (x_unit, x_size), (unit, size) = SHOWN[r.units["displacement"]], SHOWN[r.units["torque"]]
+    (x_unit, x_size), (unit, size) = SHOWN_UNITS[r.units["displacement"]], SHOWN_UNITS[r.units["torque"]]
     n, known = periods.period(r.motion), known_from(r)
     loop = slice(-n if n else None, None)
-    return friction_pictures.Shown(
+    return friction_pictures.ShownRecord(
         r.time, r.motion / x_size, r.friction / size, x_unit, unit, loop, known, found.first or r.x.size
     )
 
 
-def page_of(found: Found, folder: str) -> Page:
+def make_page(found: Found, folder: str) -> Page:
     """The page."""
-    given = shown(found)
+    given = shown_record(found)
     fitted = [each for each in found.laws if each.fit is not None]
     fits = [each.fit for each in found.laws if each.fit is not None]
     overview = {_title(e.law): shares(found, e) for e in fitted}
@@ -284,7 +285,8 @@ def page_of(found: Found, folder: str) -> Page:
         "sliders": {fit.law: sliders(fit) for fit in fits},
         "loops": image(friction_pictures.fitted_loops(given, found.curves, titles)) if fitted else None,
         "narrow_loops": image(_narrow(given, found.curves, titles)) if fitted else None,
-        "within": found.best is not None and (repeats is None or shares(found, found.best)[0] <= WITHIN * repeats),
+        "within": found.best is not None
+        and (repeats is None or shares(found, found.best)[0] <= DESCRIBING_FACTOR * repeats),
         "repeats": repeats,
         "overview": image(friction_pictures.residuals(overview, repeats)) if fitted else None,
         "pictures": {
@@ -298,7 +300,7 @@ def page_of(found: Found, folder: str) -> Page:
     return Page("friction_fit", values)
 
 
-def _narrow(given: friction_pictures.Shown, curves: Mapping[str, Any], titles: Mapping[str, str]) -> str:
+def _narrow(given: friction_pictures.ShownRecord, curves: Mapping[str, Any], titles: Mapping[str, str]) -> str:
     """The loops for a narrow screen, which no folder of pictures needs beside the wide ones."""
     with picture_folder(None):
         return friction_pictures.fitted_loops(given, curves, titles, columns=2)
@@ -312,6 +314,6 @@ def write(out: Path, found: Found, trace: Mapping[str, Any], beside: OtherPage |
     """
     fitted = [(each, each.fit) for each in found.laws if each.fit is not None]
     laws = {f"{each.law}.json": law_file(found, each, fit) for each, fit in fitted}
-    page = page_of(found, out.name)
+    page = make_page(found, out.name)
     with replaced_directory(out, contents()) as part:
         write_page(part, page, {"fit.json": as_json(found), **laws}, trace, beside)

@@ -1,7 +1,8 @@
 """The evaluation report: effects of the friction law on feel, accuracy and real-time cost.
 
-``build`` writes ``index.html`` (self-contained) and ``metrics.json`` into a directory beside the target, which replaces
-the target when everything is done. The page begins with what a person reads in two minutes; details are folded.
+``build_report`` writes ``index.html`` (self-contained) and ``metrics.json`` into a directory beside the target, which
+replaces the target when everything is done. The page begins with what a person reads in two minutes; details are
+folded.
 """
 
 import math
@@ -14,10 +15,10 @@ from steer_env import metrics, targets
 from steer_env.experiments.pages import pictures, plots, provenance
 from steer_env.experiments.pages.files import replaced_directory
 from steer_env.experiments.pages.metrics_json import entries
-from steer_env.experiments.pages.pages import LIVE, OtherPage, Page, image, write_page
+from steer_env.experiments.pages.pages import LIVE_FOLDER, OtherPage, Page, image, write_page
 from steer_env.experiments.pages.style import picture_folder
 from steer_env.experiments.reports import report_findings
-from steer_env.experiments.reports.report_results import TIMED, Drives, Notify, Part, Results, Scope, base_of, collect
+from steer_env.experiments.reports.report_results import TIMED, Drives, Notify, Part, Results, Scope, base_law, collect
 from steer_env.experiments.studies import friction_laws, loop_width, real_time, vehicle
 from steer_env.experiments.studies.common import battery, computing_time
 from steer_env.experiments.sweep import Runner, run
@@ -26,7 +27,7 @@ from steer_env.metrics.common.filtered_channels import ANGLE, TORQUE
 from steer_env.vehicle import plant
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
-CONTENTS = frozenset({"index.html", "metrics.json", LIVE})
+CONTENTS = frozenset({"index.html", "metrics.json", LIVE_FOLDER})
 EVERYTHING = Scope()
 LONGEST = 10  # rows of the first table
 
@@ -101,7 +102,7 @@ def _vehicle_json(results: Results) -> dict[str, Any]:
     assert study is not None
     return {
         "weave_peaks": {
-            "units": {name: unit for name, unit in plant.CHANNELS if name in vehicle.SHOWN},
+            "units": {name: unit for name, unit in plant.CHANNELS if name in vehicle.SHOWN_CHANNELS},
             **{row.title: row.values for row in study.peaks},
         },
         "parking": {state: entries(found.values) for state, found in study.parking.items()},
@@ -137,7 +138,7 @@ class Ahead(NamedTuple):
     pictures: dict[str, dict[str, str]]  # as SVG by name, by part of the results
 
 
-def page_of(results: Results, source: dict[str, Any], look: Look = DEFAULT, ahead: Ahead | None = None) -> Page:
+def make_page(results: Results, source: dict[str, Any], look: Look = DEFAULT, ahead: Ahead | None = None) -> Page:
     """The page: what ``report.html.j2`` refers to by name, the numbers as ``r``."""
     ahead = ahead or Ahead({}, {})
     plots_of = {
@@ -208,7 +209,7 @@ def _pictures(results: Results, ahead: Mapping[str, Mapping[str, str]]) -> dict[
     if results.tables:
         drawn["real_time"] = pictures.real_time(results.tables, real_time.USABLE)
     if results.held:
-        step = friction_laws.THIN * SAMPLE_TIME
+        step = friction_laws.THINNING * SAMPLE_TIME
         for state in friction_laws.ASSIST:
             tests = [test for test in results.held if test.assist == state]
             drawn[f"held_{state}"] = pictures.held_torque(tests, step, friction_laws.SETTLING)
@@ -245,7 +246,7 @@ def plot(test: str, drives: Mapping[str, battery.Drive], base: str, full: bool) 
     return Plot(plots.markup(shown, test, full), left_out)
 
 
-def build(
+def build_report(
     out: str | os.PathLike[str],
     laws: dict[str, Any],
     scope: Scope = EVERYTHING,
@@ -286,7 +287,7 @@ def build(
 
     def draw(part: Part, result: Any) -> None:  # while other parts are computed
         if part.name == "test":
-            ahead.plots[part.of] = plot(part.of, result, base_of(laws), look.full)
+            ahead.plots[part.of] = plot(part.of, result, base_law(laws), look.full)
         else:
             ahead.pictures[part.name] = _of_part(part.name, result)
 
@@ -295,6 +296,6 @@ def build(
         notify(TIMED, "drawing")
         source = provenance_of(results)
         numbers = {"metrics.json": metrics_json(results, source, look)}
-        write_page(part, page_of(results, source, look, ahead), numbers, kept, beside)
+        write_page(part, make_page(results, source, look, ahead), numbers, kept, beside)
     notify(1.0, "done")
     return results

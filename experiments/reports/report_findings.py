@@ -15,7 +15,7 @@ from steer_env.experiments.studies.common import assist_margins, battery
 from steer_env.experiments.studies.common.assist_margins import TARGETS, Cell
 from steer_env.experiments.studies.common.battery import LEAST, MATTERS
 from steer_env.experiments.studies.friction_laws import HeldTest, Residual, Verdict
-from steer_env.experiments.studies.real_time import Row
+from steer_env.experiments.studies.real_time import SchemeRow
 from steer_env.friction import sites
 from steer_env.friction.law import law_of
 from steer_env.manoeuvres import Manoeuvre
@@ -204,10 +204,11 @@ def verdict(results: Results, found: Sequence[OnTerm]) -> str:
         return f"Whether a driver would notice is not known for what was driven here; {what} with {row.law}."
     own = fitted[0].felt if fitted else []
     if shared.felt:
-        after = f"; once fitted, {_few(own, 1) if own else 'none'} would" if fitted else ""
-        return f"Replacing {base} by {_few(shared.felt)} would be noticed, {shared.most}{after}."
+        after = f"; once fitted, {_few_names(own, 1) if own else 'none'} would" if fitted else ""
+        return f"Replacing {base} by {_few_names(shared.felt)} would be noticed, {shared.most}{after}."
     if own:
-        return f"Replacing {base} would go unnoticed; once each law is fitted, {_few(own)} would be, {fitted[0].most}."
+        names = _few_names(own)
+        return f"Replacing {base} would go unnoticed; once each law is fitted, {names} would be, {fitted[0].most}."
     largest = max(abs(row.of_base) for term in found for row in term.differences.known)
     return (
         f"Replacing {base} by another law would go unnoticed: steady hand torques and angles change by at most "
@@ -215,7 +216,7 @@ def verdict(results: Results, found: Sequence[OnTerm]) -> str:
     )
 
 
-def _few(laws: Sequence[str], most: int = 2) -> str:
+def _few_names(laws: Sequence[str], most: int = 2) -> str:
     """Laws by name, or their number where there are more than ``most``."""
     return in_words(laws) if len(laws) <= most else f"{len(laws)} laws"
 
@@ -342,13 +343,13 @@ def held_torque(results: Results) -> HeldTorque | None:
     )
 
 
-def at_sample(results: Results) -> dict[str, Row]:
+def at_sample(results: Results) -> dict[str, SchemeRow]:
     """Midpoint scheme with every law at the step of the controller, or at the nearest step in the table."""
     rows = {law: [row for row in table if row.scheme == "midpoint"] for law, table in results.tables.items()}
     return {law: min(found, key=lambda row: abs(row.step - SAMPLE_TIME)) for law, found in rows.items() if found}
 
 
-def accurate(rows: list[Row]) -> bool:
+def accurate(rows: list[SchemeRow]) -> bool:
     """Whether all errors are below the usable error."""
     return all(row.error is not None and row.error < real_time.USABLE for row in rows)
 

@@ -35,7 +35,7 @@ class Scope(NamedTuple):
 
     car: str | cars.Car = "compact"  # a car, or the name of a packaged one
     tests: Mapping[str, Mapping[str, Any]] = EVERY_TEST  # name of the manoeuvre -> its options
-    steps: tuple[float, ...] = real_time.STEPS  # of the real-time table [s]
+    steps: tuple[float, ...] = real_time.STEP_LENGTHS  # of the real-time table [s]
     speeds_kph: tuple[float, ...] = (0.0, 50.0, 100.0)  # speeds for the margins of the assist loop; 0 is parking
     vehicle: bool = True  # whether to study the full vehicle
     widths: tuple[float, ...] = loop_width.LEVELS  # levels of friction for the loop widths; empty: not studied
@@ -61,7 +61,7 @@ class LawResult(NamedTuple):
     """Results of one law, except tests and times."""
 
     torques: dict[str, Any]  # of friction_laws.characteristics
-    rows: list[real_time.Row]
+    rows: list[real_time.SchemeRow]
     held: list[friction_laws.HeldTest]
 
 
@@ -77,7 +77,7 @@ class Results(NamedTuple):
     fitted: FittedLaws  # each law fitted to the measured friction, by its name; those that can be
     torques: dict[str, dict[str, Any]]
     held: list[friction_laws.HeldTest]
-    tables: dict[str, list[real_time.Row]]
+    tables: dict[str, list[real_time.SchemeRow]]
     times: Times
     margins: dict[str, list[Cell]]  # by speed
     vehicle: Study | None  # studied with the base law
@@ -118,12 +118,12 @@ def _of_law(scope: Scope, p: Any, held: bool) -> LawResult:
 class Part(NamedTuple):
     """A part of the results that a worker computes."""
 
-    name: str  # of ``_PARTS``
+    name: str  # of ``_PART_FUNCTIONS``
     of: Any  # the test, the law, or the speed [km/h]; None where there is one only
     arguments: tuple[Any, ...] = ()
 
 
-_PARTS: dict[str, Callable[..., Any]] = {
+_PART_FUNCTIONS: dict[str, Callable[..., Any]] = {
     "full vehicle": vehicle.collect,
     "loop widths": loop_width.collect,
     "test": _of_test,
@@ -153,7 +153,7 @@ def _cost(part: Part) -> float:
 
 
 def _computed(part: Part) -> Any:
-    return _PARTS[part.name](*part.arguments)
+    return _PART_FUNCTIONS[part.name](*part.arguments)
 
 
 def _in_words(part: Part) -> str:
@@ -162,7 +162,7 @@ def _in_words(part: Part) -> str:
     return f"{part.name} {part.of}" if isinstance(part.of, str) else f"{part.name} at {part.of:g} km/h"
 
 
-def base_of(laws: Mapping[str, Any]) -> str:
+def base_law(laws: Mapping[str, Any]) -> str:
     """The law that others are compared with."""
     return "lugre" if "lugre" in laws else next(iter(laws))
 
@@ -198,7 +198,7 @@ def collect(
         For an unknown car, or a manoeuvre that cannot be driven.
     """
     car = scope.loaded()
-    base = base_of(laws)
+    base = base_law(laws)
     parts = _parts(laws, base, car, scope)
     results = sweep(
         _computed,

@@ -13,9 +13,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from steer_env import friction
-from steer_env.experiments.calibration.column_fit import LONGEST, RUN_IN, ColumnFit, term_of
+from steer_env.experiments.calibration.column_fit import LONGEST, RUN_IN, ColumnFit, make_term
 from steer_env.experiments.pages.files import replaced_directory
-from steer_env.experiments.pages.pages import LIVE, OtherPage, Page, image, write_page
+from steer_env.experiments.pages.pages import LIVE_FOLDER, OtherPage, Page, image, write_page
 from steer_env.experiments.pages.plots import thin_out
 from steer_env.experiments.pages.style import PALETTE, as_svg, new_figure
 from steer_env.experiments.reports.friction_fit_page import LAW_TITLES
@@ -27,7 +27,7 @@ from steer_env.hand_torque.model import BEND, RATE, UNITS, on_samples
 from steer_env.metrics.common import just_noticeable
 from steer_env.vehicle import cars
 
-ROWS = 10  # of the first table
+FIRST_TABLE_ROWS = 10  # of the first table
 SECONDS = 30.0  # of the judging part that are drawn over time [s]
 POINTS = 1500  # of a picture, at most
 TITLES = {NONE: "no damping, no friction", VISCOUS: "damping and tyres alone"}
@@ -56,7 +56,7 @@ MEANINGS = {
 }
 
 
-def notes_of(found: Identified, names: Sequence[str]) -> list[str]:
+def drive_notes(found: Identified, names: Sequence[str]) -> list[str]:
     """What is told of the drives, with their names where there are several."""
     if len(names) == 1:
         return list(found.drive.notes)
@@ -65,7 +65,7 @@ def notes_of(found: Identified, names: Sequence[str]) -> list[str]:
 
 def contents() -> frozenset[str]:
     """Names of the files of an output."""
-    return frozenset({"index.html", "fit.json", "car.toml", "friction.json", LIVE})
+    return frozenset({"index.html", "fit.json", "car.toml", "friction.json", LIVE_FOLDER})
 
 
 def title(name: str) -> str:
@@ -95,7 +95,7 @@ def agreements(found: Identified) -> dict[str, tuple[tuple[tuple[float, float], 
 
 def first_rows(found: Identified) -> list[Fitted]:
     """The rows of the first table: both without friction, and the dry laws that leave least."""
-    dry = {row.name for row in found.dry[: ROWS - 2]}
+    dry = {row.name for row in found.dry[: FIRST_TABLE_ROWS - 2]}
     return [row for row in found.rows if row.name in dry or row.name in TITLES]
 
 
@@ -128,7 +128,7 @@ def as_json(found: Identified, names: Sequence[str], of_car: ColumnFit | str) ->
     """Everything that was found, as JSON; null for a number that is not finite. ``names`` are those of the drives."""
     fitted, judged = seconds(found)
     return {
-        "verdict": page_of(found, names, "").verdict[0],
+        "verdict": make_page(found, names, "").verdict[0],
         "car": {"refused": of_car} if isinstance(of_car, str) else _car(of_car),
         "drives": {
             name: {
@@ -191,7 +191,7 @@ def _car(fit: ColumnFit) -> dict[str, Any]:
         "offsets": [dict(each) for each in fit.offsets],
         "shown": fit.shown,
         "terms": {
-            name: {"value": value, "interval": list(fit.intervals[name]), "unit": term_of(name).unit}
+            name: {"value": value, "interval": list(fit.intervals[name]), "unit": make_term(name).unit}
             for name, value in fit.terms.items()
         },
     }
@@ -264,7 +264,7 @@ def measured_over_predicted(found: Identified, names: Sequence[str]) -> Figure:
     return figure
 
 
-def page_of(found: Identified, names: Sequence[str], folder: str, of_car: ColumnFit | str = "") -> Page:
+def make_page(found: Identified, names: Sequence[str], folder: str, of_car: ColumnFit | str = "") -> Page:
     """The page; ``names`` are those of the drives, ``of_car`` the fitted car, or why there is none."""
     best, (fitted, judged) = found.best, seconds(found)
     terms = [
@@ -286,12 +286,12 @@ def page_of(found: Identified, names: Sequence[str], folder: str, of_car: Column
         "drive": found.drive,
         "of_car": None if isinstance(of_car, str) else of_car,
         "refused": of_car,
-        "term_of": term_of,
+        "term_of": make_term,
         "sites_said": "" if isinstance(of_car, str) else sites_said(of_car),
         "limited": () if isinstance(of_car, str) else of_car.limited,
         "longest": LONGEST,
         "run_in": RUN_IN,
-        "notes": [*notes_of(found, names), *at_ends(found)],
+        "notes": [*drive_notes(found, names), *at_ends(found)],
         "best": best,
         "rows": first_rows(found),
         "equals": [title(law) for law in found.equals],
@@ -326,6 +326,6 @@ def write(
     if not isinstance(of_car, str):
         files["friction.json"] = law_file(of_car, title(found.best.name) if found.dry else "no dry")
     with replaced_directory(out, contents()) as part:
-        write_page(part, page_of(found, names, out.name, of_car), files, trace, beside)
+        write_page(part, make_page(found, names, out.name, of_car), files, trace, beside)
         if not isinstance(of_car, str):
             cars.write(fitted_car(of_car, names), part / "car.toml")

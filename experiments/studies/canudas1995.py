@@ -21,12 +21,12 @@ from steer_env.experiments.studies.common.mass_experiments import PAPER
 
 Array = NDArray[np.float64]
 
-NAME = "canudas1995"
+PAGE_NAME = "canudas1995"
 MICRO = 1e6  # micrometres in a metre
 SETTLED = 50.0  # time from which on hunting is read, and length of the last part of it [s]
 # Marks of an effect, assumed: a hundredth of F_c, a tenth of the time, a twentieth of the unit step, and what has to be
 # left of a swing after 50 s.
-SEEN, STICKS, HUNTS, LASTS = 0.01 * PAPER.F_c, 0.1, 0.05, 0.9
+VISIBLE_FORCE, STICK_SHARE, HUNTING_SWING, LASTING_SHARE = 0.01 * PAPER.F_c, 0.1, 0.05, 0.9
 # Effect in words -> in a word.
 EFFECTS = {
     "pre-sliding displacement": "pre-sliding",
@@ -93,8 +93,10 @@ def break_away_numbers() -> list[Number]:
 def stick_slip_numbers() -> list[Number]:
     """The first two slips; the instant of a slip hangs on creep just before it, two steps of the sampling."""
     motion = mass.stick_slip(PAPER)
-    t, v, F = mass.reference(15.0, lambda t: mass.SPRING * mass.DRAWN * t, 60_001, mass.SPRING)
-    expected, found = (mass.upward_crossings(*pair, mass.TURN)[:2] for pair in ((t, v), (motion.t, motion.w)))
+    t, v, F = mass.reference(
+        15.0, lambda t: mass.SPRING_STIFFNESS * mass.DRAWN_SPEED * t, 60_001, mass.SPRING_STIFFNESS
+    )
+    expected, found = (mass.upward_crossings(*pair, mass.SLIP_SPEED)[:2] for pair in ((t, v), (motion.t, motion.w)))
     early = motion.t <= t[-1]
     rows = [Number(f"time of slip {i + 1}", a, b, 1e-3, "s") for i, (a, b) in enumerate(zip(expected, found))]
     rows.append(Number("largest friction", F.max(), motion.F[early].max(), 1e-5 * F.max(), "N"))
@@ -136,10 +138,10 @@ class Traits(NamedTuple):
         """Effect in words, of ``EFFECTS`` -> whether the law shows it."""
         shown = (
             self.presliding,
-            abs(self.lag) > SEEN,
-            self.presliding and self.slow - self.fast > SEEN,
-            self.slips > 1 and self.stuck > STICKS,
-            self.swing > max(HUNTS, LASTS * self.before),
+            abs(self.lag) > VISIBLE_FORCE,
+            self.presliding and self.slow - self.fast > VISIBLE_FORCE,
+            self.slips > 1 and self.stuck > STICK_SHARE,
+            self.swing > max(HUNTING_SWING, LASTING_SHARE * self.before),
         )
         return dict(zip(EFFECTS, shown))
 
@@ -152,7 +154,7 @@ def traits(name: str) -> Traits:
     cycle = mass.lag(sliding, mass.LAG_OMEGAS[-1])
     slow, fast = (float(mass.ramp(sliding, rate).F.max()) for rate in (mass.RATES[0], mass.RATES[-1]))
     motion, controlled = mass.stick_slip(sliding), mass.hunting(sliding)
-    slips = mass.upward_crossings(motion.t, motion.w, mass.TURN)
+    slips = mass.upward_crossings(motion.t, motion.w, mass.SLIP_SPEED)
     after = motion.t > slips[0] if slips.size else np.ones(motion.t.size, bool)
     since = controlled.t[-1] - controlled.t
     before, last = (np.ptp(controlled.x[(since >= k * SETTLED) & (since < (k + 1) * SETTLED)]) for k in (1, 0))
@@ -278,12 +280,12 @@ def as_page(
         ),
         "short": EFFECTS.values(),
         "shown": [(law, *("yes" if of.effects[effect] else "no" for effect in EFFECTS)) for law, of in found.items()],
-        "marks": {"seen": SEEN, "sticks": 100 * STICKS, "hunts": HUNTS},
+        "marks": {"seen": VISIBLE_FORCE, "sticks": 100 * STICK_SHARE, "hunts": HUNTING_SWING},
     }
-    return pages.Page(NAME, values)
+    return pages.Page(PAGE_NAME, values)
 
 
-def build(names: Sequence[str]) -> tuple[pages.Page, dict[str, Any]]:
+def build_page(names: Sequence[str]) -> tuple[pages.Page, dict[str, Any]]:
     """The page and its numbers as JSON, for the named laws, of which LuGre is the first."""
     numbers = {title: of() for title, of in NUMBERS.items()}
     found = {name: traits(name) for name in names}
@@ -299,10 +301,10 @@ def build(names: Sequence[str]) -> tuple[pages.Page, dict[str, Any]]:
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Reproduce the experiments of the LuGre paper (1995), run every law in them, and write a page."""
-    args = pages.parser(NAME, main.__doc__).parse_args(argv)
-    pages.check(args.out, NAME)
+    args = pages.parser(PAGE_NAME, main.__doc__).parse_args(argv)
+    pages.check(args.out, PAGE_NAME)
     names = ["lugre", *(name for name in friction.available() if name != "lugre")]
-    found, data = build(names)
+    found, data = build_page(names)
     made = mass.laws(names)
     print("\n".join(found.verdict))
-    print(pages.write(args.out, found, data, pages.trace_of(NAME, argv, args.out, friction=made)))
+    print(pages.write(args.out, found, data, pages.study_trace(PAGE_NAME, argv, args.out, friction=made)))

@@ -23,8 +23,8 @@ from steer_env.experiments.studies.common import friction_records as records
 from steer_env.experiments.studies.common.battery import MATTERS
 from steer_env.experiments.studies.common.computing_time import SCHEME
 from steer_env.experiments.studies.common.friction_cases import BASE_LAW, Effect
-from steer_env.experiments.studies.common.friction_distinction import TOLD, experiments
-from steer_env.experiments.studies.common.friction_results import QUICK, Results, collect, full
+from steer_env.experiments.studies.common.friction_distinction import DISTINCTION_THRESHOLD, experiments
+from steer_env.experiments.studies.common.friction_results import QUICK_SCOPE, Results, collect, full
 from steer_env.experiments.sweep import Runner, run
 from steer_env.friction.identification import periods
 from steer_env.recording.recording import DEGREE
@@ -34,19 +34,19 @@ from steer_env.vehicle.steering.eps import SAMPLE_TIME
 Loop = tuple[NDArray[np.float64], NDArray[np.float64]]  # displacement (T,) [deg], friction (T,) [N m]
 
 BOTH = ("weave", "slow-ramp")  # at 0.2 and at 0.02 Hz
-NEAR = 0.5  # error of laws whose loops are drawn, at most [1]
-ROWS = 10  # of the first table
+NEAR_ERROR = 0.5  # error of laws whose loops are drawn, at most [1]
+FIRST_TABLE_ROWS = 10  # of the first table
 
 
-def page_of(r: Results) -> Page:
+def make_page(r: Results) -> Page:
     """The page."""
     values = {
         "r": r,
         "base": BASE_LAW,
         "others": [law for law in r.laws if law != BASE_LAW],
         "matters": MATTERS,
-        "near": NEAR,
-        "told": TOLD,
+        "near": NEAR_ERROR,
+        "told": DISTINCTION_THRESHOLD,
         "usable": real_time.USABLE,
         "computing": computing_time,
         "a": accuracy(r),
@@ -56,7 +56,7 @@ def page_of(r: Results) -> Page:
         "factors": of_factors(r),
         "apart": laws_told_apart(r),
         "speeds": speeds(r),
-        "felt": felt(r),
+        "felt": friction_test_effects(r),
         "loops": in_loop(r),
         "confusion": confusion(r),
     }
@@ -104,7 +104,7 @@ def last_loops(r: Results) -> tuple[Loop, dict[str, Loop]]:
     laws = {
         each.law: (x, friction.response(each.parameters, r.record.x, r.record.dt)[-period:] + each.offset)
         for each in r.known()
-        if each.error < NEAR
+        if each.error < NEAR_ERROR
     }
     return (x, r.record.friction[-period:]), laws
 
@@ -169,9 +169,9 @@ def _outstanding(rows: Sequence[Effect]) -> list[Effect]:
 def of_laws(r: Results) -> dict[str, Any]:
     """What the law alone changes in the battery."""
     factors = cases.by_factor(r.effects)
-    levels = cases.by_level(factors[cases.LAW])
+    levels = cases.by_level(factors[cases.LAW_FACTOR])
     remembering = [row for law in r.remembers() for row in levels.get(law, [])]
-    measured = [row for row in factors.get(cases.MEASURED, []) if row.case.level in r.remembers()]
+    measured = [row for row in factors.get(cases.MEASURED_LAW_FACTOR, []) if row.case.level in r.remembers()]
     ranked = sorted(_summaries(levels).items(), key=lambda pair: -pair[1].large)
     felt = [row for row in remembering if row.noticed]
     return {
@@ -184,10 +184,10 @@ def of_laws(r: Results) -> dict[str, Any]:
         "measured_laws": sorted({row.case.level for row in measured}),
         "measured_base": measured[0].case.base.rpartition(" ")[2] if measured else "",
         "levels": _summaries(levels),
-        "measured_levels": _summaries(cases.by_level(factors.get(cases.MEASURED, []))),
-        "first": ranked[:ROWS],
-        "rest": [law for law, _ in ranked[ROWS:]],
-        "effects": _outstanding(factors[cases.LAW]),
+        "measured_levels": _summaries(cases.by_level(factors.get(cases.MEASURED_LAW_FACTOR, []))),
+        "first": ranked[:FIRST_TABLE_ROWS],
+        "rest": [law for law, _ in ranked[FIRST_TABLE_ROWS:]],
+        "effects": _outstanding(factors[cases.LAW_FACTOR]),
     }
 
 
@@ -196,13 +196,13 @@ def of_factors(r: Results) -> dict[str, Any]:
     factors = {
         factor: rows
         for factor, rows in cases.by_factor(r.effects).items()
-        if factor not in (cases.LAW, cases.MEASURED, cases.UNASSISTED)
+        if factor not in (cases.LAW_FACTOR, cases.MEASURED_LAW_FACTOR, cases.UNASSISTED_LAW_FACTOR)
     }
-    of_law = f"{cases.LAW} (with pre-sliding)"
+    of_law = f"{cases.LAW_FACTOR} (with pre-sliding)"
     remembering = set(r.remembers())
     compared = {
         **factors,
-        of_law: [row for row in r.effects if row.case.factor == cases.LAW and row.case.level in remembering],
+        of_law: [row for row in r.effects if row.case.factor == cases.LAW_FACTOR and row.case.level in remembering],
     }
     means = {factor: _mean_large(rows) for factor, rows in compared.items()}
     ranked = dict(sorted(means.items(), key=lambda pair: -pair[1]))
@@ -242,13 +242,15 @@ def _mean_large(rows: Sequence[Effect]) -> float:
 def laws_told_apart(r: Results) -> dict[str, Any]:
     """Where laws can be told apart with one calibration."""
     remembering = r.remembers()
-    told = {name: [law for law in remembering if of[law] > TOLD] for name, of in r.apart.items()}
+    told = {name: [law for law in remembering if of[law] > DISTINCTION_THRESHOLD] for name, of in r.apart.items()}
     of_name = experiments()
     groups: dict[tuple[str, ...], list[str]] = {}
     for law in remembering:
         where = tuple(of_name[name].short for name, laws in told.items() if law in laws)
         groups.setdefault(where, []).append(law)
-    free = [row for row in r.effects if row.case.factor == cases.LAW and row.test in ("release", "returnability")]
+    free = [
+        row for row in r.effects if row.case.factor == cases.LAW_FACTOR and row.test in ("release", "returnability")
+    ]
     columns = [law for law in r.laws if law != BASE_LAW]
     rows = [(of_name[name].title, *(percent(of[law], 2) for law in columns)) for name, of in r.apart.items()]
     ripples = {(each.law, each.calibration): 1e3 * each.ripple for each in r.held}
@@ -272,44 +274,46 @@ def speeds(r: Results) -> dict[str, Any]:
     shares: dict[str, dict[str, dict[str, float]]] = {}
     for row in r.effects:
         factor, level = row.case.factor, row.case.level
-        counts_here = factor == cases.LEVEL or (factor == cases.LAW and level in remembering)
+        counts_here = factor == cases.LEVEL_FACTOR or (factor == cases.LAW_FACTOR and level in remembering)
         if row.test in BOTH and row.found.real and counts_here:
             of = shares.setdefault(row.metric, {}).setdefault(row.test, {})
             of[factor] = max(of.get(factor, 0.0), abs(row.found.share))
     common = {metric: of for metric, of in shares.items() if set(of) == set(BOTH)}
     rows = []
     for metric, both in common.items():
-        cells = [both[test].get(factor, 0.0) for test in BOTH for factor in (cases.LAW, cases.LEVEL)]
+        cells = [both[test].get(factor, 0.0) for test in BOTH for factor in (cases.LAW_FACTOR, cases.LEVEL_FACTOR)]
         rows.append((label(metric), *(percent(cell, 2) for cell in cells)))
-    fast, slow = (max((both[test].get(cases.LAW, 0.0) for both in common.values()), default=0.0) for test in BOTH)
+    fast, slow = (
+        max((both[test].get(cases.LAW_FACTOR, 0.0) for both in common.values()), default=0.0) for test in BOTH
+    )
     return {"fast": fast, "slow": slow, "rows": rows}
 
 
-def felt(r: Results) -> dict[str, Any]:
+def friction_test_effects(r: Results) -> dict[str, Any]:
     """What the law changes in the tests in which friction is most of what is felt."""
     remembering = r.remembers()
     rows = [row for row in r.effects if row.case.level in remembering]
     of = {
-        factor: cases.by_test([row for row in rows if row.case.factor == factor], cases.FELT)
-        for factor in (cases.LAW, cases.MEASURED)
+        factor: cases.by_test([row for row in rows if row.case.factor == factor], cases.FRICTION_TESTS)
+        for factor in (cases.LAW_FACTOR, cases.MEASURED_LAW_FACTOR)
     }
     table = []
-    for test in of[cases.LAW]:
+    for test in of[cases.LAW_FACTOR]:
         cells: list[str] = []
-        for factor in (cases.LAW, cases.MEASURED):
+        for factor in (cases.LAW_FACTOR, cases.MEASURED_LAW_FACTOR):
             told = cases.summary(of[factor].get(test, ()))
             most = f"{label(told.largest.metric)} {percent(told.largest.found.share, 2)}" if told.largest else "–"
             cells += [f"{told.large} of {told.compared}", most]
         table.append((test, *cells))
-    every = [row for rows_of in of[cases.LAW].values() for row in rows_of]
-    return {"rows": table, "summary": cases.summary(every), "tests": list(of[cases.LAW])}
+    every = [row for rows_of in of[cases.LAW_FACTOR].values() for row in rows_of]
+    return {"rows": table, "summary": cases.summary(every), "tests": list(of[cases.LAW_FACTOR])}
 
 
 def in_loop(r: Results) -> dict[str, Any]:
     """Driver and assist in the loop."""
     remembering = r.remembers()
-    every = [row for row in r.effects if row.case.factor == cases.UNASSISTED]
-    assisted = [row for row in r.effects if row.case.factor == cases.LAW and row.case.level in remembering]
+    every = [row for row in r.effects if row.case.factor == cases.UNASSISTED_LAW_FACTOR]
+    assisted = [row for row in r.effects if row.case.factor == cases.LAW_FACTOR and row.case.level in remembering]
     rows, shares = _with_driver(r)
     large = sorted((key for key, share in shares.items() if share > MATTERS), key=lambda key: -shares[key])
     most: dict[str, float] = {}
@@ -423,21 +427,21 @@ def as_json(r: Results) -> dict[str, Any]:
     }
 
 
-NAME = "friction"
+PAGE_NAME = "friction"
 
 
 def main(argv: Sequence[str] | None = None, sweep: Runner = run, car: Car | None = None) -> None:
     """Answer which friction law is more accurate, which runs in real time, and what the choice changes."""
-    parser = pages.parser(NAME, main.__doc__)
+    parser = pages.parser(PAGE_NAME, main.__doc__)
     car_options.add(parser)
     text = "three tests, one noise and few repeats in place of the whole battery: for a first look"
     parser.add_argument("--quick", action="store_true", help=text)
     args = parser.parse_args(argv)
-    pages.check(args.out, NAME)
+    pages.check(args.out, PAGE_NAME)
     car = car or car_options.load(args)
     with progress("computing") as notify:
-        results = collect(car, QUICK if args.quick else full(), sweep=sweep, notify=notify)
-    found = page_of(results)
+        results = collect(car, QUICK_SCOPE if args.quick else full(), sweep=sweep, notify=notify)
+    found = make_page(results)
     print("\n".join([*found.verdict, *found.timing]))
     made: dict[str, Any] = {"car": car, "friction": results.laws}
-    print(pages.write(args.out, found, as_json(results), pages.trace_of(NAME, argv, args.out, **made)))
+    print(pages.write(args.out, found, as_json(results), pages.study_trace(PAGE_NAME, argv, args.out, **made)))

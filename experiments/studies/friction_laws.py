@@ -42,7 +42,7 @@ class History(NamedTuple):
     dt: float  # [s]
 
 
-def through(points: tuple[float, ...], step: float) -> Array:
+def turning_points_history(points: tuple[float, ...], step: float) -> Array:
     """Straight lines through turning points, in steps of about ``step``, which has the unit of the points."""
     pieces = [np.linspace(a, b, max(round(abs(b - a) / step), 1) + 1)[1:] for a, b in pairwise(points)]
     return np.concatenate([[points[0]], *pieces])
@@ -55,12 +55,19 @@ def _growing_sine() -> History:
 
 
 def _nested_loops() -> History:
-    x = through((0.0, 4.0, -4.0, 2.0, -2.0, 1.0, -1.0, 0.5, -0.5, 0.25, -0.25), 0.01)
+    x = turning_points_history((0.0, 4.0, -4.0, 2.0, -2.0, 1.0, -1.0, 0.5, -0.5, 0.25, -0.25), 0.01)
     return History("nested loops from 4 deg down to 0.25 deg, at 0.01 deg/s", x * DEGREE, 1.0)
 
 
 def _move_and_rest() -> History:
-    x = np.concatenate([through((0.0, 0.5), 1e-3), np.full(500, 0.5), through((0.5, 0.3), 1e-3), np.full(500, 0.3)])
+    x = np.concatenate(
+        [
+            turning_points_history((0.0, 0.5), 1e-3),
+            np.full(500, 0.5),
+            turning_points_history((0.5, 0.3), 1e-3),
+            np.full(500, 0.3),
+        ]
+    )
     return History("a displacement that moves at 1 deg/s, rests, moves back and rests", x * DEGREE, 1e-3)
 
 
@@ -140,11 +147,11 @@ class HeldTest(NamedTuple):
     ripple: float  # peak to peak of the torsion-bar torque from ``SETTLING`` into the hold [N m]
     ripple_fine: float  # the same at a tenth of the step [N m]
     lasting: float  # ripple in the last second over the ripple in the first second after ``SETTLING`` [1]
-    torque: Array  # (T,) torsion-bar torque [N m], every ``THIN`` samples from the start of the hold
+    torque: Array  # (T,) torsion-bar torque [N m], every ``THINNING`` samples from the start of the hold
 
 
 ASSIST = {"on": "assist on", "off": "assist off"}
-THIN = 4
+THINNING = 4
 _SECOND = round(1.0 / SAMPLE_TIME)
 
 
@@ -182,7 +189,7 @@ def held_torque(car: Car, law: str) -> list[HeldTest]:
                 ripple=span,
                 ripple_fine=ripple(fine)[0],
                 lasting=lasting,
-                torque=coarse[::THIN].copy(),
+                torque=coarse[::THINNING].copy(),
             )
         )
     return tests
@@ -190,11 +197,11 @@ def held_torque(car: Car, law: str) -> list[HeldTest]:
 
 def ringing(torque: Array) -> float:
     """Frequency of a decaying torque after ``SETTLING``, from its turning points [Hz]; NaN with fewer than four."""
-    rate = np.diff(torque[round(SETTLING / SAMPLE_TIME / THIN) :])
+    rate = np.diff(torque[round(SETTLING / SAMPLE_TIME / THINNING) :])
     turns = np.flatnonzero((rate[1:] >= 0.0) != (rate[:-1] >= 0.0))
     if turns.size < 4:
         return math.nan
-    return float((turns.size - 1) / (2.0 * (turns[-1] - turns[0]) * THIN * SAMPLE_TIME))
+    return float((turns.size - 1) / (2.0 * (turns[-1] - turns[0]) * THINNING * SAMPLE_TIME))
 
 
 class Verdict(NamedTuple):

@@ -26,17 +26,17 @@ from steer_env.metrics.common.confidence import difference as gap_between
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
-NAME = "friction-sites"
+PAGE_NAME = "friction-sites"
 LAW, EFFICIENCY = "masing", 0.88  # of the gear in both directions; assumed
 BASE, ABOVE, GEAR = "lower column", "upper column", "worm gear"
 EQUAL_TORQUE, EQUAL_LOSS = "the same sliding torque", "the same energy lost on centre"
 TESTS = ("weave", "transition", "slow-ramp", "step-steer", "release", "returnability", "pulse", "catch-up", "parking")
-SMALL = 0.5  # lateral acceleration of the weave in which the response is read [m/s2]
-NONE = {"law": "viscous", "sigma_2": 0.0}
+SMALL_ACCELERATION = 0.5  # lateral acceleration of the weave in which the response is read [m/s2]
+NO_FRICTION = {"law": "viscous", "sigma_2": 0.0}
 RETURN = "return of the handwheel"
 RETURN_SPEEDS = (0.0, 10.0, 35.0)  # from a standing car to that of the test [km/h]
 WORMS = (0.9, 0.85)  # efficiencies of the gears whose return is told; assumed
-SHOWN = 10  # metrics that tell the sites apart best
+MOST_METRICS = 10  # metrics that tell the sites apart best
 
 
 def sites(site: str, F_c: float, efficiency: float = EFFICIENCY) -> dict[str, Any]:
@@ -91,7 +91,7 @@ def _of_site(job: tuple[Car, str, float | None]) -> Site:
 
 def _responses(car: Car, law: Any) -> tuple[np.ndarray, np.ndarray]:
     """Span of the yaw rate over those of hand torque [deg/s/(N m)] and handwheel angle [1/s], of each settled cycle."""
-    found = manoeuvres.drive(car, replace(manoeuvres.make("weave"), lateral_acceleration=SMALL), law)
+    found = manoeuvres.drive(car, replace(manoeuvres.make("weave"), lateral_acceleration=SMALL_ACCELERATION), law)
     samples = round(1.0 / (found.meta["frequency_hz"] * SAMPLE_TIME))
     whole = slice(samples, samples * (found.time.size // samples))
     yaw, torque, angle = (
@@ -102,7 +102,7 @@ def _responses(car: Car, law: Any) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _claims(car: Car) -> tuple[Claim, Claim, Claim]:
-    laws = NONE, sites(BASE, defaults.F_C), sites(ABOVE, defaults.F_C)
+    laws = NO_FRICTION, sites(BASE, defaults.F_C), sites(ABOVE, defaults.F_C)
     bands = [np.array(battery.drive(car, law, "weave").values["torque_deadband"].repeats) for law in laws]
     over_torque, over_angle = zip(*(_responses(car, law) for law in laws))
     return _claim(over_torque), _claim(over_angle), _claim(bands)
@@ -176,13 +176,13 @@ def _row(name: str, of: dict[str, Difference]) -> tuple[str, ...]:
     return (name, *(f"{100.0 * each.share:+.1f} % ± {100.0 * each.reach:.1f}" for each in of.values()))
 
 
-def build(results: Results) -> tuple[pages.Page, dict[str, Any]]:
+def build_page(results: Results) -> tuple[pages.Page, dict[str, Any]]:
     """The page and its numbers as JSON."""
     rows = {term: differences(of) for term, of in results.terms.items()}
     best = {term: {site: differing_metrics(of, site) for site in (ABOVE, GEAR)} for term, of in rows.items()}
     tables = {}
     for term, of in rows.items():
-        shown = sorted(of, key=lambda name: -max(abs(each.share) for each in of[name].values()))[:SHOWN]
+        shown = sorted(of, key=lambda name: -max(abs(each.share) for each in of[name].values()))[:MOST_METRICS]
         tables[term] = [_row(name, of[name]) for name in shown]
     values = {
         "r": results,
@@ -190,7 +190,7 @@ def build(results: Results) -> tuple[pages.Page, dict[str, Any]]:
         "sites": [ABOVE, GEAR],
         "law": LAW,
         "efficiency": EFFICIENCY,
-        "small": SMALL,
+        "small": SMALL_ACCELERATION,
         "return_speeds": RETURN_SPEEDS,
         "return_kph": [f"{kph:g} km/h" for kph in RETURN_SPEEDS],
         "worms": list(results.returns)[1:],
@@ -216,7 +216,7 @@ def build(results: Results) -> tuple[pages.Page, dict[str, Any]]:
             6.4,
         ),
     }
-    return pages.Page(NAME, values), as_json(results, rows)
+    return pages.Page(PAGE_NAME, values), as_json(results, rows)
 
 
 def as_json(results: Results, rows: dict[str, dict[str, dict[str, Difference]]]) -> dict[str, Any]:
@@ -240,17 +240,17 @@ def as_json(results: Results, rows: dict[str, dict[str, dict[str, Difference]]])
 
 def main(argv: Sequence[str] | None = None, sweep: Runner = run, car: Car | None = None) -> None:
     """Drive the car with the same friction at several sites, and write a page on which metrics tell them apart."""
-    parser = pages.parser(NAME, main.__doc__)
+    parser = pages.parser(PAGE_NAME, main.__doc__)
     car_options.add(parser)
     args = parser.parse_args(argv)
-    pages.check(args.out, NAME)
+    pages.check(args.out, PAGE_NAME)
     car = car or car_options.load(args)
     with progress("sites") as notify:
         results = collect(car, sweep, notify)
-    found, data = build(results)
+    found, data = build_page(results)
     print("\n".join([*found.verdict, *found.timing]))
     made: dict[str, Any] = {
         "car": car,
         "friction": {site: friction.resolve(sites(site, defaults.F_C)) for site in (BASE, ABOVE, GEAR)},
     }
-    print(pages.write(args.out, found, data, pages.trace_of(NAME, argv, args.out, **made)))
+    print(pages.write(args.out, found, data, pages.study_trace(PAGE_NAME, argv, args.out, **made)))

@@ -25,10 +25,10 @@ from steer_env.friction.defaults import F_C, SIGMA_0
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
-NAME = "held-torque"
+PAGE_NAME = "held-torque"
 LASTS = 0.9  # part of the ripple's first second that is left in its last, from which on a vibration lasts [1]
 SMOOTH = 2.0  # ripple of Masing over that of LuGre from which on the first vibrates and the second does not; assumed
-STEP = 0.05  # change of the ripple with a tenth of the step up to which the step is not its cause, assumed [1]
+STEP_EFFECT = 0.05  # change of the ripple with a tenth of the step up to which the step is not its cause, assumed [1]
 RIPPLE_HEAD = ("assist", "calibration", "Masing", "LuGre", "Masing, damped", "LuGre, damped", "removed by the damper")
 
 
@@ -99,7 +99,7 @@ class Compared(NamedTuple):
     @property
     def step_is_small(self) -> bool:
         """Whether the step of integration is not the cause."""
-        return self.step_change < STEP
+        return self.step_change < STEP_EFFECT
 
 
 def compare(results: Results) -> Compared:
@@ -131,9 +131,9 @@ def _damping(results: Results, ratio: float) -> list[tuple[str, ...]]:
     return rows
 
 
-def build(results: Results, car: str) -> tuple[pages.Page, dict[str, Any]]:
+def build_page(results: Results, car: str) -> tuple[pages.Page, dict[str, Any]]:
     """The page and its numbers as JSON."""
-    thin, c = friction_laws.THIN * SAMPLE_TIME, compare(results)
+    thin, c = friction_laws.THINNING * SAMPLE_TIME, compare(results)
     first = [
         test
         for test in results.tests
@@ -161,19 +161,19 @@ def build(results: Results, car: str) -> tuple[pages.Page, dict[str, Any]]:
         "laws": [each._asdict() for each in results.laws],
         "units": {"ripple": "N m", "ripple_fine": "N m"},
     }
-    return pages.Page(NAME, values), data
+    return pages.Page(PAGE_NAME, values), data
 
 
 def main(argv: Sequence[str] | None = None, sweep: Runner = run, car: Car | None = None) -> None:
     """Repeat the held-torque comparison of LuGre and Masing with every law, and write a page."""
-    parser = pages.parser(NAME, main.__doc__)
+    parser = pages.parser(PAGE_NAME, main.__doc__)
     car_options.add(parser)
     args = parser.parse_args(argv)
-    pages.check(args.out, NAME)
+    pages.check(args.out, PAGE_NAME)
     car, laws = car or car_options.load(args), list(friction.available())
     with progress("driving") as notify:
         results = collect(car, laws, sweep, notify)
-    found, data = build(results, car.name)
+    found, data = build_page(results, car.name)
     print("\n".join(found.verdict))
-    trace = pages.trace_of(NAME, argv, args.out, car=car, friction={law: friction.make(law) for law in laws})
+    trace = pages.study_trace(PAGE_NAME, argv, args.out, car=car, friction={law: friction.make(law) for law in laws})
     print(pages.write(args.out, found, data, trace))

@@ -37,13 +37,17 @@ from steer_env.vehicle.steering.eps import Assist, boost_curve
 Array = NDArray[np.float64]
 
 LEVELS = (0.0, 0.125, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0)  # times the default F_c
-NONE = 1e-6  # level that stands for no friction, as no dry law accepts zero
+NO_FRICTION_LEVEL = 1e-6  # level that stands for no friction, as no dry law accepts zero
 LAWS = ("lugre", "masing")
-WEAVE, SLOW, SLOW_AT_SPEED = "weave, 0.2 Hz, 100 km/h", "slow ramp, 0.02 Hz, 50 km/h", "slow ramp, 0.02 Hz, 100 km/h"
+WEAVE_TITLE, SLOW_TITLE, SLOW_AT_SPEED_TITLE = (
+    "weave, 0.2 Hz, 100 km/h",
+    "slow ramp, 0.02 Hz, 50 km/h",
+    "slow ramp, 0.02 Hz, 100 km/h",
+)
 TESTS = {  # title -> manoeuvre, cycles, speed [km/h]
-    WEAVE: ("weave", 4, 100.0),
-    SLOW: ("slow-ramp", 3, 50.0),
-    SLOW_AT_SPEED: ("slow-ramp", 3, 100.0),
+    WEAVE_TITLE: ("weave", 4, 100.0),
+    SLOW_TITLE: ("slow-ramp", 3, 50.0),
+    SLOW_AT_SPEED_TITLE: ("slow-ramp", 3, 100.0),
 }
 AT_0G, DEADBAND = "torque at 0 g", "torque dead band"
 WIDTHS = {AT_0G: (AY, 0.5), DEADBAND: (ANGLE, 1.0)}  # metric -> abscissa, share of the loop's height at zero abscissa
@@ -77,7 +81,7 @@ Curves = dict[Key, list[Width]]
 
 def law_at(law: str, level: float) -> Any:
     """A law at ``level`` times the default saturated torque: all torques scale, and no displacement changes."""
-    part = level or NONE
+    part = level or NO_FRICTION_LEVEL
     F_c, sigma_0 = part * defaults.F_C, part * defaults.SIGMA_0
     if law == "lugre":
         return friction.make(law, F_c=F_c, sigma_0=sigma_0, sigma_1=part * defaults.SIGMA_1)
@@ -150,7 +154,7 @@ def verdict(curve: Sequence[Width]) -> Verdict:
     )
 
 
-def sentence(curves: Curves, test: str = WEAVE) -> str:
+def sentence(curves: Curves, test: str = WEAVE_TITLE) -> str:
     """The verdicts on one test in words; laws that agree to 0.01 N m are named together."""
     lines = []
     for metric in WIDTHS:

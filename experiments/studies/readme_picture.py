@@ -18,7 +18,9 @@ from steer_env.hand_torque.drive import reversals
 from steer_env.vehicle import cars
 
 LAWS = ("coulomb", "lugre", "masing", "elasto_plastic")
-LEAST = math.radians(0.3)  # travel that counts as a turn: three steps of the recorded angle of the traffic; assumed
+LEAST_TURN = math.radians(
+    0.3
+)  # travel that counts as a turn: three steps of the recorded angle of the traffic; assumed
 TESTS: dict[str, dict[str, Any]] = {  # title -> options of the weave
     f"turns of ±{math.degrees(SMALL_TURN):g} deg, as on a straight road": SMALL_TURNS,
     "the weave of the standard, 2 m/s²": {"cycles": 6},
@@ -37,6 +39,6 @@ def main(argv: Sequence[str] | None = None) -> None:
         for title, options in TESTS.items()
     }
     write_text(args.out, pictures.readme(tests))
-    turns = np.abs(np.diff(reversals(road_drive()["handwheel_angle"], LEAST)))
+    turns = np.abs(np.diff(reversals(road_drive()["handwheel_angle"], LEAST_TURN)))
     half = math.degrees(np.median(turns))
     print(f"half of the turns from a reversal to the next span at most {half:.1f} deg on the packaged motorway drive")

@@ -15,12 +15,12 @@ from steer_env.experiments.studies.common import computing_time
 from steer_env.experiments.studies.common.column_schemes import SCHEMES, default_case, integrate, reference
 from steer_env.vehicle import cars
 
-STEPS = (1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2)  # [s], whole multiples of the first
+STEP_LENGTHS = (1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2)  # [s], whole multiples of the first
 BLOWN_UP = 3.0  # torque and speed of a bounded run stay below this many times their true peaks
 USABLE = 0.01  # RMS error relative to the peak of the friction torque up to which a scheme counts as usable; assumed
 
 
-class Row(NamedTuple):
+class SchemeRow(NamedTuple):
     """One scheme at one step."""
 
     scheme: str
@@ -29,7 +29,7 @@ class Row(NamedTuple):
     bounded: bool
 
 
-def accuracy(p: Any, steps: tuple[float, ...] = STEPS) -> list[Row]:
+def accuracy(p: Any, steps: tuple[float, ...] = STEP_LENGTHS) -> list[SchemeRow]:
     """Error and boundedness of every scheme at every step length."""
     case = default_case(p)
     finest = steps[0]
@@ -42,11 +42,11 @@ def accuracy(p: Any, steps: tuple[float, ...] = STEPS) -> list[Row]:
         with np.errstate(over="ignore", invalid="ignore"):
             residual = T_F - exact.reshape(T_F.size, -1).mean(axis=1)
             error = float(np.sqrt(np.mean(residual**2)) / np.abs(exact).max())
-        rows.append(Row(scheme, h, error if np.isfinite(error) else None, bounded))
+        rows.append(SchemeRow(scheme, h, error if np.isfinite(error) else None, bounded))
     return rows
 
 
-def usable_step(rows: list[Row], scheme: str) -> float | None:
+def usable_step(rows: list[SchemeRow], scheme: str) -> float | None:
     """Longest step up to which a scheme is bounded and within ``USABLE`` [s]; None if no step is."""
     longest = None
     for row in sorted((row for row in rows if row.scheme == scheme), key=lambda row: row.step):

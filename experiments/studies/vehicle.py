@@ -27,7 +27,7 @@ SWITCHES: dict[str, dict[str, float]] = {
     "no drag, lift, rolling resistance": {"drag": 0.0, "lift_f": 0.0, "lift_r": 0.0},
 }
 RESISTANCE = "no drag, lift, rolling resistance"
-SHOWN = ("lateral_acceleration", "yaw_rate", "roll_angle", "handwheel_torque", "rack_force")
+SHOWN_CHANNELS = ("lateral_acceleration", "yaw_rate", "roll_angle", "handwheel_torque", "rack_force")
 
 
 class Peaks(NamedTuple):
@@ -71,7 +71,7 @@ def _weave(p: plant.Plant, u: Array, period: int) -> dict[str, Array]:
     record = np.zeros((len(u), len(plant.channels(p))))
     if not plant.run(p, plant.initial_state(p), u, record, 1):
         raise ValueError("the simulation of the weave diverged")
-    return {name: record[-period:, plant.CHANNEL[name]] for name in ("handwheel_angle", *SHOWN)}
+    return {name: record[-period:, plant.CHANNEL[name]] for name in ("handwheel_angle", *SHOWN_CHANNELS)}
 
 
 def park(car: Car, friction: Any, assisted: bool = True) -> Parking:
@@ -97,7 +97,10 @@ def collect(car: Car, friction: Any) -> Study:
     runs = {title: _weave(p, u, period) for title, p in plants.items()}
     return Study(
         amplitude,
-        [Peaks(title, {name: float(np.abs(run[name]).max()) for name in SHOWN}) for title, run in runs.items()],
+        [
+            Peaks(title, {name: float(np.abs(run[name]).max()) for name in SHOWN_CHANNELS})
+            for title, run in runs.items()
+        ],
         {title: {name: x[::10] for name, x in runs[title].items()} for title in ("single track", "two tracks")},
         {state: park(car, friction, state == "assisted") for state in ("assisted", "unassisted")},
     )
@@ -108,9 +111,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     argparse.ArgumentParser(prog="steer-env study vehicle", description=main.__doc__).parse_args(argv)
     study = collect(cars.load(), "lugre")
     print(f"weave at 100 km/h, 0.2 Hz, {np.degrees(study.amplitude):.2f} deg: peaks of a settled cycle")
-    print(f"{'':45s}" + "".join(f"{name:>22s}" for name in SHOWN))
+    print(f"{'':45s}" + "".join(f"{name:>22s}" for name in SHOWN_CHANNELS))
     for row in study.peaks:
-        print(f"{row.title:45s}" + "".join(f"{row.values[name]:22.5g}" for name in SHOWN))
+        print(f"{row.title:45s}" + "".join(f"{row.values[name]:22.5g}" for name in SHOWN_CHANNELS))
     for state, found in study.parking.items():
         print(f"\nparking, {state}")
         for name, entry in entries(found.values).items():

@@ -16,7 +16,7 @@ from typing import Any
 
 from steer_env.experiments.sweep.where import LOCAL, Where
 from steer_env.experiments.sweep.work import (
-    KEPT,
+    KEPT_WORK_NOTE,
     REFUSED,
     SAME,
     LostError,
@@ -30,7 +30,10 @@ from steer_env.experiments.sweep.work import (
 from steer_env.friction.numerics.worker_process import ONE_THREAD, settle
 
 PATIENCE = 30.0  # for a scheduler to answer, or for a first worker to be there [s]
-POLL, CHECK = 0.01, 2.0  # between looks for results, and for the cluster while there are none [s]
+RESULT_POLL_INTERVAL, CLUSTER_CHECK_INTERVAL = (
+    0.01,
+    2.0,
+)  # between looks for results, and for the cluster while there are none [s]
 LOGGERS = ("distributed", "distributed.client", "tornado", "tornado.application")
 
 
@@ -104,12 +107,12 @@ def _client(where: Where) -> Iterator[Any]:
         except TimeoutError:
             raise LostError(
                 f"the cluster {where.cluster} has no worker after {PATIENCE:g} s: start some with 'dask worker "
-                f"{where.cluster} --nthreads 1'; {KEPT}"
+                f"{where.cluster} --nthreads 1'; {KEPT_WORK_NOTE}"
             ) from None
         except OSError as error:
             raise LostError(
                 f"there is no Dask scheduler at {where.cluster} ({error}): start one with 'dask scheduler', or look "
-                f"at address and firewall; {KEPT}"
+                f"at address and firewall; {KEPT_WORK_NOTE}"
             ) from None
         yield client
 
@@ -145,7 +148,9 @@ def _check(client: Any, where: Where, modules: list[str]) -> None:
     try:
         client.run_on_scheduler(identity)  # the tasks pass through it, and it imports what they name
     except Exception as error:
-        raise ValueError(f"the scheduler {where.cluster} cannot run this program ({error}): {SAME}; {KEPT}") from None
+        raise ValueError(
+            f"the scheduler {where.cluster} cannot run this program ({error}): {SAME}; {KEPT_WORK_NOTE}"
+        ) from None
     for address, found in client.run(_describe_worker, modules, on_error="return").items():
         if isinstance(found, BaseException):
             trouble = f"cannot run this program ({found}): {SAME}"
@@ -155,7 +160,7 @@ def _check(client: Any, where: Where, modules: list[str]) -> None:
             trouble = f"has {other}: {SAME}"
         else:
             continue
-        raise ValueError(f"the worker {address} {trouble}; {KEPT}")
+        raise ValueError(f"the worker {address} {trouble}; {KEPT_WORK_NOTE}")
 
 
 def _collect(client: Any, tasks: Mapping[int, Task], where: Where) -> Iterator[Outcome]:
@@ -169,12 +174,14 @@ def _collect(client: Any, tasks: Mapping[int, Task], where: Where) -> Iterator[O
     checked = seen = time.monotonic()
     while index_of:
         if not ready.has_ready():
-            time.sleep(POLL)
-            if time.monotonic() - checked > CHECK:
+            time.sleep(RESULT_POLL_INTERVAL)
+            if time.monotonic() - checked > CLUSTER_CHECK_INTERVAL:
                 if _workers(client, where):
                     seen = time.monotonic()
                 elif time.monotonic() - seen > PATIENCE:
-                    raise LostError(f"the cluster {where.cluster} has had no worker for {PATIENCE:g} s; {KEPT}")
+                    raise LostError(
+                        f"the cluster {where.cluster} has had no worker for {PATIENCE:g} s; {KEPT_WORK_NOTE}"
+                    )
                 checked = time.monotonic()
             continue
         for future, found in ready.next_batch(block=False):
@@ -189,13 +196,15 @@ def _workers(client: Any, where: Where) -> int:
             return len(client.nthreads())
     except (OSError, TimeoutError):
         pass
-    raise LostError(f"the cluster {where.cluster} went away; {KEPT}")
+    raise LostError(f"the cluster {where.cluster} went away; {KEPT_WORK_NOTE}")
 
 
 def _lost_outcome(index: int, future: Any, found: Any, where: Where) -> Outcome:
     """The outcome of a case that gave none: its workers died, or the cluster has gone."""
     if future.status != "error":
-        return Outcome(index, failure=LostError.__name__, message=f"the cluster {where.cluster} went away; {KEPT}")
+        return Outcome(
+            index, failure=LostError.__name__, message=f"the cluster {where.cluster} went away; {KEPT_WORK_NOTE}"
+        )
     error = found[1] if isinstance(found, tuple) else found
     if type(error).__name__ == "KilledWorker":
         with suppress(AttributeError):
@@ -203,6 +212,6 @@ def _lost_outcome(index: int, future: Any, found: Any, where: Where) -> Outcome:
                 index,
                 failure=LostError.__name__,
                 message=f"workers died again and again on one case, the last one {error.last_worker.address}: is there "
-                f"enough memory for it? {KEPT}",
+                f"enough memory for it? {KEPT_WORK_NOTE}",
             )
     return Outcome(index, b"", type(error).__name__, str(error))

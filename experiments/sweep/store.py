@@ -17,7 +17,7 @@ from typing import Any
 
 from steer_env.experiments.pages.files import write_json
 
-ABOUT, SUFFIX = "sweep.json", ".case"
+ABOUT_FILE, CASE_SUFFIX = "sweep.json", ".case"
 _DIGEST = 32  # bytes of SHA-256
 
 
@@ -58,14 +58,14 @@ class Store:
             shutil.rmtree(directory, ignore_errors=True)
             directory.mkdir(parents=True, exist_ok=True)
             about = {"mark": uuid.uuid4().hex, "identity": dict(identity)}
-            write_json(directory / ABOUT, about)
+            write_json(directory / ABOUT_FILE, about)
         os.utime(directory)
         self.mark: str = about["mark"]
 
     @staticmethod
     def _about(directory: Path) -> dict[str, Any] | None:
         try:
-            return json.loads((directory / ABOUT).read_text(encoding="utf-8"))
+            return json.loads((directory / ABOUT_FILE).read_text(encoding="utf-8"))
         except (OSError, ValueError):
             return None
 
@@ -83,7 +83,7 @@ class Store:
     def load(self, key: str) -> bytes | None:
         """The pickled result of a case; None if it is not there, or is damaged."""
         try:
-            data = (self.directory / f"{key}{SUFFIX}").read_bytes()
+            data = (self.directory / f"{key}{CASE_SUFFIX}").read_bytes()
         except OSError:
             return None
         result = data[_DIGEST:]
@@ -94,7 +94,7 @@ class Store:
         part = self.directory / f".{uuid.uuid4().hex}.part"  # workers of several machines may write at once
         try:
             part.write_bytes(hashlib.sha256(result).digest() + result)
-            os.replace(part, self.directory / f"{key}{SUFFIX}")
+            os.replace(part, self.directory / f"{key}{CASE_SUFFIX}")
         except OSError as error:  # a full disk has no name
             error.filename = error.filename or str(self.directory)
             raise
@@ -108,7 +108,7 @@ class Store:
 
     def count(self) -> int:
         """Number of finished cases."""
-        return sum(entry.suffix == SUFFIX for entry in self.directory.iterdir()) if self.directory.is_dir() else 0
+        return sum(entry.suffix == CASE_SUFFIX for entry in self.directory.iterdir()) if self.directory.is_dir() else 0
 
     def remove(self) -> None:
         """Delete the folder, when its results are in other hands."""

@@ -13,15 +13,15 @@ from steer_env.experiments.pages import own_modules
 from steer_env.experiments.sweep.store import Store
 from steer_env.experiments.sweep.where import SERIAL, Where
 from steer_env.experiments.sweep.work import (
-    KEPT,
+    KEPT_WORK_NOTE,
     REFUSED,
     LostError,
     Outcome,
     Task,
-    folder_of,
     identity,
-    name_of,
+    importable_name,
     perform_case,
+    store_for_worker,
 )
 from steer_env.friction.numerics.worker_process import WorkersDiedError, end_processes, run_in_processes
 
@@ -95,7 +95,7 @@ def run(
         A case that raises any other exception, with the traceback of the worker.
     """
     cases = list(cases)
-    tasks, results = _pending_tasks(name_of(function), cases, store, words, modules)
+    tasks, results = _pending_tasks(importable_name(function), cases, store, words, modules)
     total, done, costs = len(cases), len(cases) - len(tasks), list(map(cost, cases))
     left, whole = sum(costs[number] for number in tasks), sum(costs)
     if done and tasks:
@@ -125,7 +125,7 @@ def _outcomes(tasks: Mapping[int, Task], where: Where) -> Generator[Outcome, Non
             with closing(run_in_processes(perform_case, [*tasks.values()], min(where.workers, len(tasks)))) as results:
                 yield from (outcome for _, outcome in results)
         except WorkersDiedError as error:
-            raise LostError(f"{error} with --workers; {KEPT}") from None
+            raise LostError(f"{error} with --workers; {KEPT_WORK_NOTE}") from None
         finally:
             end_processes()
     else:
@@ -138,7 +138,7 @@ def _pending_tasks(
     """The tasks that are left to do by index, and a list with the results that are kept."""
     tasks: dict[int, Task] = {}
     results: list[Any] = [None] * len(cases)
-    place, named = folder_of(store), {name.partition(":")[0], *own_modules.of_laws(), *modules}
+    place, named = store_for_worker(store), {name.partition(":")[0], *own_modules.of_laws(), *modules}
     program_of = functools.cache(identity)
     for index, case in enumerate(cases):
         try:
@@ -147,7 +147,7 @@ def _pending_tasks(
             raise ValueError(f"{words(case)} cannot be sent to a worker: {error}") from None
         own = tuple(sorted({*named, *filter(own_modules.is_own, used)}))
         program = program_of(own)
-        key = key_of(name, case, program) if store else ""
+        key = case_key(name, case, program) if store else ""
         if store and (kept := store.load(key)) is not None:
             results[index] = pickle.loads(kept)
         else:
@@ -171,7 +171,7 @@ def _pickle(case: Any) -> tuple[bytes, set[str]]:
     return file.getvalue(), modules
 
 
-def key_of(name: str, case: Any, program: Mapping[str, str] | None = None) -> str:
+def case_key(name: str, case: Any, program: Mapping[str, str] | None = None) -> str:
     """Digest of a function's name, a case, and what a program consists of (by default this one)."""
     import joblib  # takes long to import
 
@@ -181,7 +181,7 @@ def key_of(name: str, case: Any, program: Mapping[str, str] | None = None) -> st
 
 def _error(outcome: Outcome, case: str) -> Exception:
     if outcome.failure == REFUSED:
-        return ValueError(f"{outcome.details or 'a worker'} {outcome.message}; {KEPT}")
+        return ValueError(f"{outcome.details or 'a worker'} {outcome.message}; {KEPT_WORK_NOTE}")
     if outcome.expected:
         return ValueError(f"{case}: {outcome.message}")
     if outcome.failure == "LostError":

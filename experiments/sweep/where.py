@@ -4,7 +4,7 @@ import os
 import re
 from typing import NamedTuple
 
-MOST = 4  # processes by default
+MOST_DEFAULT_WORKERS = 4  # processes by default
 WORKERS = "STEER_ENV_WORKERS"  # environment variable: their number in place of that
 LOCAL = "local"
 _ADDRESS = re.compile(r"(tcp|tls)://[^\s/:]+:\d+|(tcp|tls)://\[[0-9a-fA-F:]+\]:\d+")
@@ -56,7 +56,7 @@ def usual_workers() -> int:
     given = os.environ.get(WORKERS, "")
     if given and not re.fullmatch(r"[1-9]\d*", given):
         raise ValueError(f"{WORKERS} must be a whole number of at least 1, got {given!r}")
-    return int(given) if given else min(processors(), MOST)
+    return int(given) if given else min(processors(), MOST_DEFAULT_WORKERS)
 
 
 def processors() -> int:

@@ -16,7 +16,7 @@ from steer_env.friction.numerics.thread_pool import one_blas_thread
 PACKAGES = ("numpy", "numba", "llvmlite", "scipy")  # on which the bits of results depend
 REFUSED = "refused"  # kind of failure beside the names of exceptions
 SAME = "install there what this program runs with, and change no source while a sweep runs"
-KEPT = "finished work is kept"
+KEPT_WORK_NOTE = "finished work is kept"
 
 
 class LostError(OSError):
@@ -91,7 +91,7 @@ def differences(theirs: Mapping[str, str], here: Mapping[str, str]) -> str:
     return ", ".join(f"{name} {theirs.get(name, 'none')} in place of {here[name]}" for name in unequal)
 
 
-def name_of(function: Callable[..., Any]) -> str:
+def importable_name(function: Callable[..., Any]) -> str:
     """The name by which a worker imports a function; ValueError for one that cannot be imported."""
     module, name = function.__module__, function.__qualname__
     if "<" in name or module == "__main__":
@@ -123,6 +123,6 @@ def perform_case(task: Task) -> Outcome:
     return Outcome(task.number, result)
 
 
-def folder_of(store: Store | None) -> tuple[str, str] | None:
+def store_for_worker(store: Store | None) -> tuple[str, str] | None:
     """A store as a task names it to workers, which may or may not see its folder."""
     return (str(Path(store.directory).resolve()), store.mark) if store else None

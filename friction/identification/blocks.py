@@ -6,7 +6,7 @@ Source: Kuensch, Annals of Statistics 17 (1989) 1217-1241.
 import numpy as np
 from numpy.typing import NDArray
 
-LEVEL = 0.95  # of the intervals
+CONFIDENCE_LEVEL = 0.95  # of the intervals
 DRAWS = 400
 
 
@@ -28,13 +28,13 @@ def widened(count: int, degrees: int) -> float:
     """Factor on the interval of draws of few blocks, with so many degrees of freedom left, by Student's t [1]."""
     from scipy.special import ndtri, stdtrit  # imported here, because that takes longer than the import of all laws
 
-    tail = 0.5 + 0.5 * LEVEL
+    tail = 0.5 + 0.5 * CONFIDENCE_LEVEL
     return float(np.sqrt(count / degrees) * stdtrit(degrees, tail) / ndtri(tail))
 
 
-def interval_of(values: NDArray[np.float64]) -> tuple[float, float]:
-    """Ends of the interval that holds ``LEVEL`` of the values."""
-    low, high = np.quantile(values, [0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL])
+def percentile_interval(values: NDArray[np.float64]) -> tuple[float, float]:
+    """Ends of the interval that holds ``CONFIDENCE_LEVEL`` of the values."""
+    low, high = np.quantile(values, [0.5 - 0.5 * CONFIDENCE_LEVEL, 0.5 + 0.5 * CONFIDENCE_LEVEL])
     return float(low), float(high)
 
 

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 BAND = 0.02  # of the range of x [1]: the search for reversals takes a smaller swing as noise; it still drives the law
-FLAT = 0.02  # rise over the last quarter of a saturated branch, of its whole rise [1]
+SATURATED_RISE = 0.02  # rise over the last quarter of a saturated branch, of its whole rise [1]
 SLIDES = 0.2  # least torque of a record in which the contact always slides one way, of its level [1]
-LEAST = 20  # samples to weigh
+LEAST_SAMPLES = 20  # samples to weigh
 
 
 class Branches(NamedTuple):
@@ -30,7 +30,7 @@ class Branches(NamedTuple):
         return any(self.saturated[self.first :])
 
 
-def branches_of(x: NDArray, T: NDArray, band: float) -> Branches:
+def find_branches(x: NDArray, T: NDArray, band: float) -> Branches:
     """The branches of a record.
 
     Parameters
@@ -45,7 +45,7 @@ def branches_of(x: NDArray, T: NDArray, band: float) -> Branches:
     ValueError
         Without motion, without a reversal unless the torque breaks away, and for torque of the wrong sign.
     """
-    turns = turns_of(x, band)
+    turns = find_reversals(x, band)
     swing = float(np.ptp(np.percentile(T, (1, 99))))  # without outliers
     rises = [math.copysign(1.0, x[b] - x[a]) * (T[a : b + 1] - T[a]) for a, b in pairwise(turns)]
     ways = [np.abs(x[a : b + 1] - x[a]) for a, b in pairwise(turns)]
@@ -69,7 +69,7 @@ def branches_of(x: NDArray, T: NDArray, band: float) -> Branches:
     return Branches(turns, ways, rises, swing, saturated, 0 if one_way else first, one_way)
 
 
-def turns_of(x: NDArray, band: float) -> list[int]:
+def find_reversals(x: NDArray, band: float) -> list[int]:
     """Samples that bound the branches: the start of motion, the reversals and the end."""
     turns, values = [], x.tolist()
     side = low = high = 0
@@ -85,7 +85,7 @@ def turns_of(x: NDArray, band: float) -> list[int]:
     return [*turns, x.size - 1] if turns else [0, x.size - 1]
 
 
-def weighed_of(x: NDArray, branches: Branches, remembers: bool) -> NDArray[np.bool_]:
+def weighed_samples(x: NDArray, branches: Branches, remembers: bool) -> NDArray[np.bool_]:
     """The samples that count: those from the first reversal after saturation on, where the memory is known.
 
     Raises
@@ -96,9 +96,10 @@ def weighed_of(x: NDArray, branches: Branches, remembers: bool) -> NDArray[np.bo
     weighed = np.arange(x.size) >= branches.turns[branches.first]
     if not remembers:  # a law without memory does not determine the torque at rest
         weighed &= np.diff(x, prepend=x[0]) != 0.0
-    if np.count_nonzero(weighed) < LEAST:
+    if np.count_nonzero(weighed) < LEAST_SAMPLES:
         raise ValueError(
-            f"x and torque must hold at least {LEAST} samples after the first reversal, got {np.count_nonzero(weighed)}"
+            f"x and torque must hold at least {LEAST_SAMPLES} samples after the first reversal, got "
+            f"{np.count_nonzero(weighed)}"
         )
     return weighed
 
@@ -110,12 +111,12 @@ def saturates(way: NDArray, rise: NDArray, least: float) -> bool:
     """
     last = way >= 0.75 * way[-1]
     u, end = way[last] - np.mean(way[last]), np.mean(rise[last])
-    flat = abs(u @ rise[last]) * 0.25 * way[-1] < FLAT * end * (u @ u)
-    peaked = np.max(rise[~last], initial=0.0) >= (1.0 - 0.5 * FLAT) * np.max(rise[last])
+    flat = abs(u @ rise[last]) * 0.25 * way[-1] < SATURATED_RISE * end * (u @ u)
+    peaked = np.max(rise[~last], initial=0.0) >= (1.0 - 0.5 * SATURATED_RISE) * np.max(rise[last])
     return bool(end >= least and (flat or peaked))
 
 
-def stiffness_of(branches: Branches) -> float:
+def reversal_stiffness(branches: Branches) -> float:
     """Stiffness of the chord after a reversal up to a quarter of the swing [N m/rad].
 
     It is the median over the branches whose torque rises that far, and at most that of one step between samples.

@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.friction.identification.blocks import drawn_means, interval_of
+from steer_env.friction.identification.blocks import drawn_means, percentile_interval
 from steer_env.friction.identification.determined import samples_per_count
-from steer_env.friction.identification.displacement import deviation_of
+from steer_env.friction.identification.displacement import displacement_noise
 from steer_env.friction.identification.fit import Fit, Options, checked_order, cleaned, fitted, prepared
 from steer_env.friction.identification.periods import moving
-from steer_env.friction.identification.position import NAMES
+from steer_env.friction.identification.position import SOUGHT_FIELDS
 from steer_env.friction.identification.record import Record, checked
 from steer_env.friction.law import available, law_of, make
 from steer_env.friction.level import by_sample
@@ -123,7 +123,7 @@ def compare(
 
 def _judged(fit: Fit, e: NDArray, moves: NDArray, squares: NDArray, seed: int) -> Compared:
     """A law by what it leaves of the samples that judge, without its criteria."""
-    low, high = interval_of(np.sqrt(_drawn(squares, seed)))
+    low, high = percentile_interval(np.sqrt(_bootstrap_means(squares, seed)))
     tells = not moves.all() and law_of(fit.parameters).memory_size(fit.parameters) > 0
     resting = _rms(e[~moves]) if tells else None
     return Compared(fit.law, fit, "", _rms(e[moves]), (low, high), math.inf, math.inf, (), resting)
@@ -134,7 +134,7 @@ def _rms(values: NDArray) -> float:
 
 
 def _moves(record: Record, inertia: float | None, judging: slice) -> NDArray[np.bool_]:
-    moves = moving(cleaned(record, deviation_of(record.x), inertia).x)
+    moves = moving(cleaned(record, displacement_noise(record.x), inertia).x)
     if not np.any(moves[judging]):
         raise ValueError("the samples that judge must hold motion, got a rest: choose another held_out")
     return moves
@@ -146,7 +146,7 @@ def _first(record: Record, share: float) -> int:
 
 def remainder(record: Record, fit: Fit) -> NDArray[np.float64]:
     """What a law that was fitted leaves of the torque of a whole record (T,), law less record [N m]."""
-    clean = cleaned(record, deviation_of(record.x), fit.inertia)
+    clean = cleaned(record, displacement_noise(record.x), fit.inertia)
     load = np.zeros(clean.x.size) if record.load is None else record.load
     scale: Any = 1.0 if fit.level is None else by_sample(fit.level, load, clean.x)
     return response(fit.parameters, clean.x, record.dt, scale) + fit.offset - clean.torque
@@ -166,12 +166,12 @@ def _criteria(each: Compared, left: dict[str, NDArray]) -> tuple[float, float]:
     values = [v for name, v in each.fit.parameters._asdict().items() if name not in each.fit.undetermined]
     elements = max((np.size(v) for v in values if np.ndim(v)), default=0)  # of which each adds one
     k = 1 + elements + sum(np.ndim(v) == 0 for v in values)  # with the offset
-    k += sum(name in each.fit.intervals for name in NAMES)  # of a level over the position
+    k += sum(name in each.fit.intervals for name in SOUGHT_FIELDS)  # of a level over the position
     gain = count * math.log(max(float(np.mean(e**2)), 1e-300))  # (F39)
     return gain + 2.0 * k, gain + k * math.log(count)
 
 
-def _drawn(values: NDArray, seed: int) -> NDArray[np.float64]:
+def _bootstrap_means(values: NDArray, seed: int) -> NDArray[np.float64]:
     """Their mean in each draw of ``BLOCKS`` blocks (DRAWS,)."""
     return drawn_means(values, BLOCKS * np.arange(values.size) // values.size, seed, DRAWS)
 
@@ -182,7 +182,7 @@ def _alike(law: str, squares: dict[str, NDArray], seed: int) -> tuple[str, ...]:
         return ()
     names = []
     for other in squares.keys() - {law}:
-        low, high = interval_of(_drawn(squares[law] - squares[other], seed))
+        low, high = percentile_interval(_bootstrap_means(squares[law] - squares[other], seed))
         a, b = np.mean(squares[law]), np.mean(squares[other])
         if low <= 0.0 <= high or max(a, b) <= (1.0 + MATTERS) ** 2 * min(a, b):
             names.append(other)

@@ -20,15 +20,16 @@ HARDLY = 0.02  # ... and of the residual at most [1]: residuals that last for lo
 FAR_OUT = 3.0  # of the scale of the loss: larger residuals say nothing of a parameter, as of a late reversal; assumed
 NEARLY = 2.0  # of the growth that is allowed, within which a search from elsewhere may gain enough; assumed [1]
 STARTS = 3  # of the search without a break-away ...
-BEYOND = 1.5  # ... of so many times the largest torque of the record, which does not show it then; assumed [1]
+# ... of so many times the largest torque of the record, which does not show it then; assumed [1]
+BREAK_AWAY_EXCESS = 1.5
 STRETCHES = 10  # parts of a record without equal periods ...
-LEAST = 5  # ... or with fewer of them
+LEAST_PERIODS = 5  # ... or with fewer of them
 SPEEDS = 1.5  # over each other, of the 95th and the 5th percentile of the way: less is one speed; assumed [1]
-FAR = 20.0  # travels of the record, after which a law slides; assumed [1]
+LONG_SLIDE_TRAVELS = 20.0  # travels of the record, after which a law slides; assumed [1]
 FLAT = 1e-8  # of the steepest column: a flatter one is rounding of a difference quotient, which may follow another [1]
 ROUNDING = 1e-6  # deviation of the residuals that an interval allows for at least, of the level; assumed [1]
 DAMPING = "N m s/rad"
-SIZE = 1.96  # deviations of the normal distribution: 95 %
+NORMAL_QUANTILE = 1.96  # deviations of the normal distribution: 95 %
 
 
 class Estimate(NamedTuple):
@@ -125,7 +126,7 @@ def determined(problem: Problem, space: Space, optimum: Optimum) -> Estimate:
     undetermined: list[str] = []
     while True:
         space, optimum, excess = _spared(problem, space, optimum, undetermined)
-        name = _beyond(problem, space, optimum, excess) or _damping(problem, space, optimum)
+        name = _break_away_not_shown(problem, space, optimum, excess) or _damping(problem, space, optimum)
         if name is None:
             break
         undetermined.append(name)
@@ -149,7 +150,7 @@ def far_slide(problem: Problem) -> Problem:
     """The problem of a long way in one direction at the record's median speed."""
     steps = np.abs(np.diff(problem.x))
     step = float(np.median(steps[steps > 0.0]))
-    way = step * np.arange(math.ceil(FAR * float(np.ptp(problem.x)) / step), dtype=float)
+    way = step * np.arange(math.ceil(LONG_SLIDE_TRAVELS * float(np.ptp(problem.x)) / step), dtype=float)
     return problem._replace(x=way, levels=np.ones(way.size))
 
 
@@ -199,7 +200,7 @@ def _spared(
         if not (spare or wide):
             break
         name = (spare or wide)[-1]
-        smaller = _without(problem, space, optimum, name)
+        smaller = _without_parameter(problem, space, optimum, name)
         if smaller is None:
             stays.add(name)
         else:
@@ -209,20 +210,20 @@ def _spared(
     return space, optimum, excess
 
 
-def _beyond(problem: Problem, space: Space, optimum: Optimum, excess: dict[str, float]) -> str | None:
-    """A break-away that the record neither determines nor shows: ``BEYOND`` times its largest torque; None without."""
+def _break_away_not_shown(problem: Problem, space: Space, optimum: Optimum, excess: dict[str, float]) -> str | None:
+    """A break-away above ``BREAK_AWAY_EXCESS`` times the record's torque that is not determined; None without."""
     n = space.size
     values = space.values(optimum.q[:n])
     levels = problem.at(space.level(optimum.q[:n])).levels
     shown = (np.abs(problem.torque - problem.columns @ optimum.q[n:]) / levels)[problem.weighed]
     for s, q in zip(space.sought, optimum.q.tolist()):
         unsure = excess[s.name] > 1.0 or q > s.highest - EDGE
-        if s.base is not None and unsure and values[s.name] > BEYOND * float(np.max(shown)):
+        if s.base is not None and unsure and values[s.name] > BREAK_AWAY_EXCESS * float(np.max(shown)):
             return s.name
     return None
 
 
-def _without(problem: Problem, space: Space, optimum: Optimum, name: str) -> tuple[Space, Optimum] | None:
+def _without_parameter(problem: Problem, space: Space, optimum: Optimum, name: str) -> tuple[Space, Optimum] | None:
     """Space and optimum with a parameter at its neutral value; None where that is not allowed or fits worse."""
     n = space.size
     i = [s.name for s in space.sought].index(name)
@@ -251,7 +252,7 @@ def _without(problem: Problem, space: Space, optimum: Optimum, name: str) -> tup
     return None
 
 
-def intervals_of(problem: Problem, estimate: Estimate) -> dict[str, tuple[float, float]]:
+def parameter_intervals(problem: Problem, estimate: Estimate) -> dict[str, tuple[float, float]]:
     """95 % intervals of the parameters (F37), in the record's scales.
 
     That of a parameter with a base is of its logarithm, so that both have their part.
@@ -305,7 +306,7 @@ def widths(problem: Problem, estimate: Estimate, rows: NDArray) -> NDArray[np.fl
 
     optimum, at = estimate.optimum, np.flatnonzero(problem.weighed)
     length = period(problem.x) or (at[-1] + 1 - at[0]) // STRETCHES
-    if (at[-1] + 1 - at[0]) // length < LEAST:
+    if (at[-1] + 1 - at[0]) // length < LEAST_PERIODS:
         length = (at[-1] + 1 - at[0]) // STRETCHES
     block = (at - at[0]) // length
     n = int((at[-1] + 1 - at[0]) // length)  # whole ones

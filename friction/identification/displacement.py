@@ -7,10 +7,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.friction.identification.branches import turns_of
+from steer_env.friction.identification.branches import find_reversals
 
 BAND = 9.0  # deviations of the noise: a smaller swing is no reversal; 20,000 samples of noise alone stay below it [1]
-NEAR = 6.0  # deviations of the noise: so near to a reversal its place is sought [1]
+REVERSAL_NEIGHBOURHOOD = 6.0  # deviations of the noise: so near to a reversal its place is sought [1]
 HARMLESS = 0.005  # noise of the speed between samples, of the speed itself [1]: less is left as it is
 LATTICE = 1e-6  # departure of steps from multiples of the least one [1]
 SMOOTH = 0.05  # noise of the speed after smoothing, of the speed itself [1]
@@ -19,7 +19,7 @@ WINDOWS = tuple(sorted({2 * round(3.0 * 1.25**i) + 1 for i in range(20)}))  # tr
 STAIRS = 0.1  # samples in motion after which the step changes, of a staircase at least [1]; assumed
 
 
-def noise_of(values: NDArray) -> float:
+def white_noise_deviation(values: NDArray) -> float:
     """Standard deviation of white noise on a smooth history, from its third differences; outliers do not count.
 
     The third differences of white noise have 20 times its variance; those of a smooth motion are small.
@@ -27,12 +27,12 @@ def noise_of(values: NDArray) -> float:
     return 1.4826 * float(np.median(np.abs(np.diff(values, 3)))) / math.sqrt(20.0) if values.size > 3 else 0.0
 
 
-def deviation_of(x: NDArray) -> float:
+def displacement_noise(x: NDArray) -> float:
     """Standard deviation of the noise of a displacement, which steps of its sensor or its file are too (F33)."""
-    return max(noise_of(x), quantum_of(x) / math.sqrt(12.0))
+    return max(white_noise_deviation(x), sensor_step(x) / math.sqrt(12.0))
 
 
-def quantum_of(x: NDArray) -> float:
+def sensor_step(x: NDArray) -> float:
     """Step of a displacement that is recorded in steps, at which a motion hesitates; 0 for any other (F33).
 
     An even motion of one step for each sample is no such staircase.
@@ -47,7 +47,7 @@ def quantum_of(x: NDArray) -> float:
     return float(np.min(sizes)) if even and uneven > STAIRS else 0.0
 
 
-def motion_of(x: NDArray, noise: float) -> NDArray[np.float64]:
+def smoothed_motion(x: NDArray, noise: float) -> NDArray[np.float64]:
     """The motion behind a displacement with white noise (F33).
 
     Between reversals the motion goes one way. Each branch is smoothed by itself with local polynomials (Savitzky,
@@ -61,15 +61,15 @@ def motion_of(x: NDArray, noise: float) -> NDArray[np.float64]:
     """
     if noise == 0.0:
         return x
-    step = float(np.sum(np.abs(np.diff(x[turns_of(x, BAND * noise)])))) / x.size  # without the path of the noise
+    step = float(np.sum(np.abs(np.diff(x[find_reversals(x, BAND * noise)])))) / x.size  # without the path of the noise
     if math.sqrt(2.0) * noise <= HARMLESS * step:
         return x
     least = (75.0 * (noise / (SMOOTH * max(step, 1e-3 * noise))) ** 2) ** (1.0 / 3.0)
     first = 2 * round(0.5 * least) + 1
-    windows = [first] if quantum_of(x) else [first, *(each for each in WINDOWS if each > first)]
+    windows = [first] if sensor_step(x) else [first, *(each for each in WINDOWS if each > first)]
     smooth, window = _smoothed(x, noise, windows)
-    turns = turns_of(smooth, BAND * noise * 1.5 / math.sqrt(window))  # (F33) the noise that they leave
-    inner = [_vertex(x, *each, NEAR * noise) for each in zip(turns, turns[1:], turns[2:])]
+    turns = find_reversals(smooth, BAND * noise * 1.5 / math.sqrt(window))  # (F33) the noise that they leave
+    inner = [_vertex(x, *each, REVERSAL_NEIGHBOURHOOD * noise) for each in zip(turns, turns[1:], turns[2:])]
     turns = [turns[0], *inner, turns[-1]]
     motion = x.copy()
     motion[: turns[0]] = x[: turns[0] + 1].mean()

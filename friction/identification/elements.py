@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from steer_env.friction.identification.blocks import not_negative_factors
 from steer_env.friction.identification.determined import one_speed, samples_per_count
-from steer_env.friction.identification.displacement import noise_of
+from steer_env.friction.identification.displacement import white_noise_deviation
 from steer_env.friction.identification.problem import Problem
 from steer_env.friction.law import Law, Sliders
 from steer_env.friction.numerics.bounds import within
@@ -25,20 +25,21 @@ from steer_env.friction.numerics.kernel import kernel
 from steer_env.friction.virgin_curve import MAX_ELEMENTS
 
 GRID = 40  # yields
-LEAST = 1e-3  # of them, over half the travel [1]
+LEAST_YIELD = 1e-3  # of them, over half the travel [1]
 SLOPES = (1.0, 0.5, 0.0, -0.5, -1.0)  # of levels over the stroke; at 1 and -1 a level is zero at one end of it [1]
-STEP = 1e-4  # of the logarithm of a yield and of a slope, for derivatives [1]
+DERIVATIVE_STEP = 1e-4  # of the logarithm of a yield and of a slope, for derivatives [1]
 HARDLY = 1.02  # sum of squares that fewer sliders leave at most, over that of all of the grid; assumed [1]
 ROUNDS = 30  # of the search for yields
 MATTERS = 0.05  # of the level: a smaller slider that yields late is not told; assumed [1]
-ROWS = 6000  # samples by which sliders are counted, about; assumed
+COUNTING_SAMPLES = 6000  # samples by which sliders are counted, about; assumed
 
 # Of the search for the Stribeck curve and the lag of sliders that have them:
 YIELDS = 8  # on which it begins
 TRIES = 20  # steps
 LARGEST = 4.0  # relative excess of break-away; assumed [1]
-REACH = 6.0  # of the logarithms of Stribeck speed and C about the record's own scales [1]
-SMALL = 0.003  # of the level, that sliders leave beside white noise: less calls for no Stribeck effect; assumed [1]
+LOG_SEARCH_RANGE = 6.0  # of the logarithms of Stribeck speed and C about the record's own scales [1]
+# Of the level, that sliders leave beside white noise: less calls for no Stribeck effect; assumed [1]
+STRIBECK_RESIDUAL = 0.003
 
 Slider = Callable[[float, float], NDArray[np.float64]]  # yield, slope -> torque (T,) of an element of unit level [1]
 
@@ -62,13 +63,13 @@ def _slider(x, levels, y, out):  # type: ignore[no-untyped-def]
         out[i] = e / y
 
 
-def stroke_of(problem: Problem) -> NDArray[np.float64]:
+def stroke_ends(problem: Problem) -> NDArray[np.float64]:
     """The ends (2,) of the stroke that the weighed samples show [1]."""
     x = problem.x[problem.weighed]
     return np.array([x.min(), x.max()])
 
 
-def elements_of(problem: Problem, law: Law) -> Elements:
+def find_sliders(problem: Problem, law: Law) -> Elements:
     """The sliders of a record.
 
     A grid of yields ends where an element only just yields, at half the widest swing of the weighed samples; the record
@@ -82,11 +83,11 @@ def elements_of(problem: Problem, law: Law) -> Elements:
     slopes = SLOPES if declared.by_position else (0.0,)
     flat = _counted(regression, slopes)
     left = regression.left(flat)
-    if declared.one is None or np.mean(left**2) - noise_of(left) ** 2 < SMALL**2:
+    if declared.one is None or np.mean(left**2) - white_noise_deviation(left) ** 2 < STRIBECK_RESIDUAL**2:
         return flat
     speeds = np.abs(np.diff(problem.x))[problem.weighed[1:]] / problem.dt
     least, most = np.log(np.quantile(speeds[speeds > 0.0], (0.05, 0.95)))
-    bounds = [0.0, least - 1.0, -REACH], [LARGEST, most, REACH]
+    bounds = [0.0, least - 1.0, -LOG_SEARCH_RANGE], [LARGEST, most, LOG_SEARCH_RANGE]
     found, y = flat, np.geomspace(0.005, 0.5, YIELDS) * regression.travel
     starts = [[0.2, 0.5 * (least + most), lag] for lag in (0.0, 3.0)]
     for _ in range(2):  # the second time with the yields that were found
@@ -111,13 +112,13 @@ class _Regression(NamedTuple):
 
     @property
     def travel(self) -> float:
-        low, high = stroke_of(self.problem)
+        low, high = stroke_ends(self.problem)
         return float(high - low)
 
     @property
     def _rows(self) -> NDArray[np.int64]:
         rows = np.flatnonzero(self.problem.weighed)
-        return rows[:: max(rows.size // ROWS, 1)]
+        return rows[:: max(rows.size // COUNTING_SAMPLES, 1)]
 
     def columns(self, y: NDArray, slope: NDArray) -> NDArray[np.float64]:
         """Torques (n, N) of unit sliders."""
@@ -155,7 +156,7 @@ class _Regression(NamedTuple):
         from scipy.optimize import least_squares  # imported here, because that takes longer than the import of all laws
 
         N, others = found.y.size, self.others()
-        least, most = LEAST * 0.5 * self.travel, 0.5 * self.travel
+        least, most = LEAST_YIELD * 0.5 * self.travel, 0.5 * self.travel
 
         def parts(q: NDArray) -> tuple[NDArray, NDArray]:
             return np.exp(q[:N]), q[N:] if sloped else np.zeros(N)
@@ -168,7 +169,9 @@ class _Regression(NamedTuple):
             here = self.columns(*parts(q))
             A = np.column_stack([here, others])
             F = self.factors(A)
-            steps = np.where(q < 0.5, STEP, -STEP)  # of slopes away from their ends; of yields either will do
+            steps = np.where(
+                q < 0.5, DERIVATIVE_STEP, -DERIVATIVE_STEP
+            )  # of slopes away from their ends; of yields either will do
             there = [self.columns(*parts(q + np.r_[steps[:N], 0.0 * steps[N:]]))]
             there += [self.columns(*parts(q + np.r_[0.0 * steps[:N], steps[N:]]))] if sloped else []
             D = np.column_stack([(each - here) * F[:N] for each in there]) / steps
@@ -186,7 +189,7 @@ class _Regression(NamedTuple):
 
 
 def _maxwell_slip(problem: Problem) -> Slider:
-    low, high = stroke_of(problem)
+    low, high = stroke_ends(problem)
     u = np.clip((2.0 * problem.x - low - high) / (high - low), -1.0, 1.0)
 
     def torque_of(y: float, slope: float) -> NDArray[np.float64]:
@@ -226,7 +229,7 @@ def _stribeck(
 def _counted(regression: _Regression, slopes: tuple[float, ...]) -> Elements:
     """As many sliders as Bayes' criterion asks for, from those of the grid."""
     sloped = len(slopes) > 1
-    grid = np.geomspace(LEAST, 1.0, GRID) * 0.5 * regression.travel
+    grid = np.geomspace(LEAST_YIELD, 1.0, GRID) * 0.5 * regression.travel
     found = regression.solved(np.repeat(grid, len(slopes)), np.resize(slopes, GRID * len(slopes)))
     if not found.y.size:
         return found
@@ -240,7 +243,7 @@ def _counted(regression: _Regression, slopes: tuple[float, ...]) -> Elements:
     most = HARDLY * best.left
     while best.y.size > 1:
         fewer = [_merged(best, i) for i in range(best.y.size - 1)]
-        fewer += [_without(best, i) for i in range(best.y.size)]
+        fewer += [_without_slider(best, i) for i in range(best.y.size)]
         tried = [regression.solved(each.y, each.slope) for each in fewer]
         least = regression.refined(min(tried, key=lambda each: each.left), sloped)
         if best.y.size <= MAX_ELEMENTS and (criterion(least) > criterion(best) or least.left > most):
@@ -256,19 +259,19 @@ def _merged(found: Elements, i: int) -> Elements:
     return found._replace(F=F, y=F / k, slope=np.bincount(group, found.F * found.slope) / F)
 
 
-def _without(found: Elements, i: int) -> Elements:
+def _without_slider(found: Elements, i: int) -> Elements:
     return found._replace(F=np.delete(found.F, i), y=np.delete(found.y, i), slope=np.delete(found.slope, i))
 
 
 def yields_late(problem: Problem, F: NDArray, y: NDArray) -> bool:
     """Whether a slider that matters yields at the end of the search only, so that its level may be larger."""
-    return bool(np.any((2.0 * y > 0.99 * np.ptp(stroke_of(problem))) & (F > MATTERS * np.sum(F))))
+    return bool(np.any((2.0 * y > 0.99 * np.ptp(stroke_ends(problem))) & (F > MATTERS * np.sum(F))))
 
 
 def at_ends(problem: Problem, F: NDArray, y: NDArray) -> list[str]:
     """What is told of sliders that yield at an end of the search, in whole sentences."""
     texts = []
-    if 2.0 * y[np.argmax(F)] < 1.01 * LEAST * np.ptp(stroke_of(problem)):
+    if 2.0 * y[np.argmax(F)] < 1.01 * LEAST_YIELD * np.ptp(stroke_ends(problem)):
         end = "the largest slider has the least yield of the search"
         texts.append(f"{end}: it may yield earlier; sample faster, or move slower")
     if yields_late(problem, F, y):

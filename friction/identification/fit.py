@@ -8,19 +8,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from steer_env.friction.identification.branches import BAND as SWING
-from steer_env.friction.identification.branches import Branches, branches_of, stiffness_of, weighed_of
+from steer_env.friction.identification.branches import Branches, find_branches, reversal_stiffness, weighed_samples
 from steer_env.friction.identification.determined import (
     Estimate,
     determined,
     far_slide,
     half_widths_of_level,
-    intervals_of,
     level_row,
+    parameter_intervals,
     widths,
 )
-from steer_env.friction.identification.displacement import BAND, deviation_of, motion_of
-from steer_env.friction.identification.elements import at_ends, elements_of, stroke_of, yields_late
-from steer_env.friction.identification.position import FITTED, Position, judged, told, with_position
+from steer_env.friction.identification.displacement import BAND, displacement_noise, smoothed_motion
+from steer_env.friction.identification.elements import at_ends, find_sliders, stroke_ends, yields_late
+from steer_env.friction.identification.position import FITTED, Position, describe_position, judged, with_position
 from steer_env.friction.identification.problem import Problem, searched, weakened
 from steer_env.friction.identification.quality import MATTERS, by_noise, noisy_again, own_noise, refuse
 from steer_env.friction.identification.record import Record, checked
@@ -31,8 +31,8 @@ from steer_env.friction.identification.space import (
     Sought,
     Space,
     checked_space,
-    sought_of,
-    space_of,
+    make_space,
+    sought_parameters,
     within_law,
 )
 from steer_env.friction.law import Law, Sliders, law_of, make
@@ -40,8 +40,8 @@ from steer_env.friction.level import Level
 from steer_env.friction.numerics import shown
 from steer_env.friction.numerics.check import number, positive, whole
 
-STEP = 1e-5  # of a coordinate, for the derivative of the saturated torque [1]
-NONE = 1e-4  # growth of the level that is none [1]
+DERIVATIVE_STEP = 1e-5  # of a coordinate, for the derivative of the saturated torque [1]
+NEGLIGIBLE_LOAD_GROWTH = 1e-4  # growth of the level that is none [1]
 HEAVIEST = 20.0  # growth of the level with the load, over the level without, at the mean load [1]
 LOAD = Sought("load", False, None, 0.5, 0.0, HEAVIEST, 0.0, of_level=True)  # c_F of (F38), over the mean load
 
@@ -263,15 +263,15 @@ def checked_order(order: float | str | None, load: ArrayLike | None) -> float | 
 
 def prepared(record: Record, inertia: float | None = 0.0) -> Prepared:
     """The noise of x removed, torque of inertia subtracted, branches and scales found; see :func:`fit`."""
-    noise = deviation_of(record.x)
+    noise = displacement_noise(record.x)
     refuse(record.x, record.torque, noise)
     clean = cleaned(record, noise, inertia)
     path, T = clean.x, clean.torque
-    branches = branches_of(path, T, max(SWING * float(np.ptp(path)), BAND * noise))
+    branches = find_branches(path, T, max(SWING * float(np.ptp(path)), BAND * noise))
     level = 0.5 * branches.swing  # (F30)
     steps = np.abs(np.diff(path))
     moving = steps[steps > 0.0]
-    length = max(2.0 * level / stiffness_of(branches), 0.1 * float(np.median(moving)))
+    length = max(2.0 * level / reversal_stiffness(branches), 0.1 * float(np.median(moving)))
     speed = float(np.mean(moving)) / record.dt
     again = [] if path is record.x else noisy_again(path, noise)
     by_x = by_noise(path, again[0], record.dt, level, length) if again else 0.0
@@ -281,7 +281,7 @@ def prepared(record: Record, inertia: float | None = 0.0) -> Prepared:
 
 def cleaned(record: Record, noise: float, inertia: float | None) -> Record:
     """The record with x freed of noise of this deviation [rad], and without the torque of the inertia."""
-    path = motion_of(record.x, noise)
+    path = smoothed_motion(record.x, noise)
     mass = 0.0 if inertia is None else number("inertia", inertia, minimum=0.0)
     T = record.torque - mass * _acceleration(path, record.dt) if mass else record.torque
     return record._replace(x=path, torque=T)
@@ -307,7 +307,7 @@ def fitted(ready: Prepared, law: Law, options: Options) -> Fit:
     if options.order is not None and not estimate.space.sloped:
         order = None if options.order == FITTED else float(options.order) * ready.scales.displacement
         estimate, position = with_position(problem, law, order, estimate, estimated)
-    return _told(ready, law, problem, _unbiased(ready, law, problem, estimate), position)
+    return _in_record_units(ready, law, problem, _unbiased(ready, law, problem, estimate), position)
 
 
 def _unbiased(ready: Prepared, law: Law, problem: Problem, estimate: Estimate) -> Estimate:
@@ -348,7 +348,7 @@ def _problem(ready: Prepared, law: Law) -> Problem:
         dt,
         load / (float(np.mean(load)) or 1.0),
         np.ones(x.size),
-        weighed_of(record.x, ready.branches, remembers),
+        weighed_samples(record.x, ready.branches, remembers),
         np.column_stack(columns) if columns else np.zeros((x.size, 0)),
         ready.own_noise / scales.torque if ready.hides and remembers else 0.0,
     )
@@ -361,17 +361,17 @@ def _rounded(values: NDArray) -> NDArray[np.float64]:
 
 def _space(problem: Problem, law: Law, held: Mapping[str, float]) -> Space:
     """The space of a law, with where the search begins."""
-    return _of_sliders(problem, law, held) if isinstance(law.fitted, Sliders) else space_of(law, held)
+    return _of_sliders(problem, law, held) if isinstance(law.fitted, Sliders) else make_space(law, held)
 
 
 def _of_sliders(problem: Problem, law: Law, held: Mapping[str, float]) -> Space:
     """The space of sliders in parallel, whose search begins where a regression ends (F32)."""
     declared = law.fitted
     assert isinstance(declared, Sliders)
-    found = elements_of(problem, law)
+    found = find_sliders(problem, law)
     if not found.y.size:
         raise ValueError(f"no slider of {law.name!r} describes the record: its torque has no part that slides")
-    sought = sought_of(law, {**held, "F_c": None})  # the sum of the levels
+    sought = sought_parameters(law, {**held, "F_c": None})  # the sum of the levels
     space = Space(law, sought, held, {}, np.array([s.start for s in sought]), np.empty(0))
     if declared.one is not None:
         excess, v_s, C = (found.stribeck[0], *np.exp(found.stribeck[1:])) if found.stribeck.size else (0.0, 1.0, 1.0)
@@ -379,13 +379,13 @@ def _of_sliders(problem: Problem, law: Law, held: Mapping[str, float]) -> Space:
         space = space._replace(start=np.clip(one, space.lowest, space.highest))
     factors = found.factors if found.factors.size > problem.columns.shape[1] else [0.0]  # of the viscous part, first
     start = [factors[0] if s.name == declared.viscous else q for s, q in zip(sought, space.start)]
-    stroke = stroke_of(problem)
+    stroke = stroke_ends(problem)
     rows = [np.log(found.F), np.log(found.y)] + ([found.slope] if declared.by_position else [])
     q = np.concatenate([start, *rows])
     return checked_space(space._replace(start=q, inside=q, sliders=found.y.size, stroke=stroke))
 
 
-def _told(
+def _in_record_units(
     ready: Prepared,
     law: Law,
     problem: Problem,
@@ -396,7 +396,7 @@ def _told(
     scales, branches = ready.scales, ready.branches
     parameters = law.make(**scaled(law, estimate.parameters._asdict(), scales, back=True))
     intervals: dict[str, tuple[Bound, Bound]] = {}
-    for name, (low, high) in intervals_of(problem, estimate).items():
+    for name, (low, high) in parameter_intervals(problem, estimate).items():
         scale = scales.of(law.units[name])
         intervals[name] = low * scale, high * scale
     sliders: tuple[Slider, ...] = ()
@@ -466,12 +466,12 @@ def _with_level(ready: Prepared, problem: Problem, estimate: Estimate, position:
     warnings = told_of_load(problem, estimate) if np.any(problem.load) else []
     if position is not None:
         own, undetermined = judged(position, level)
-        warnings = told(position, level, undetermined)
+        warnings = describe_position(position, level, undetermined)
     for name, ends in own.items():
         low, high = (float(getattr(back(level._replace(**{name: end})), name)) for end in ends)
         found.intervals[name] = low, high
     return found._replace(
-        level=back(level) if level.load > NONE or level.position else None,
+        level=back(level) if level.load > NEGLIGIBLE_LOAD_GROWTH or level.position else None,
         undetermined=found.undetermined + undetermined,
         warnings=(*found.warnings, *warnings),
     )
@@ -520,10 +520,10 @@ def _saturated(
         row[0] = value * level_row(estimate)
     else:
         for i in range(n):
-            ends = [end.q[:n] + side * STEP * max(1.0, abs(end.q[i])) * np.eye(n)[i] for side in (-1.0, 1.0)]
+            ends = [end.q[:n] + side * DERIVATIVE_STEP * max(1.0, abs(end.q[i])) * np.eye(n)[i] for side in (-1.0, 1.0)]
             inside = [q if space.made(q)[1] == 0.0 else end.q[:n] for q in ends]
             low, high = (far.response(law, space.made(q)[0])[-1] for q in inside)
-            row[0, i] = (high - low) / max(inside[1][i] - inside[0][i], STEP)
+            row[0, i] = (high - low) / max(inside[1][i] - inside[0][i], DERIVATIVE_STEP)
     half = float(widths(problem, estimate, row)[0])
     low, high = max(value - half, 0.0), value + half
     torque = ready.scales.torque

@@ -22,28 +22,28 @@ from numpy.typing import NDArray
 from steer_env.friction.identification.determined import (
     FLOOR,
     HARDLY,
-    SIZE,
+    NORMAL_QUANTILE,
     Estimate,
     determined,
     half_widths_of_level,
     samples_per_count,
 )
-from steer_env.friction.identification.elements import stroke_of
+from steer_env.friction.identification.elements import stroke_ends
 from steer_env.friction.identification.problem import Problem, searched
-from steer_env.friction.identification.space import EDGE, SHARE, SMALL, Sought
+from steer_env.friction.identification.space import DETERMINED_SCALE_SHARE, DETERMINED_SHARE, EDGE, Sought
 from steer_env.friction.law import Law
-from steer_env.friction.level import MOST, Level
+from steer_env.friction.level import LARGEST_INCREASE, Level
 
 FITTED = "fitted"  # in place of an order that is known
-NAMES = ("position", "peak", "order")  # of the fields of a level that are sought
+SOUGHT_FIELDS = ("position", "peak", "order")  # of the fields of a level that are sought
 LONGEST = 8.0  # period over the travel: within an eighth of it the level is a parabola [1]
 SHORTEST = 4.0  # period over the displacement in which the torque follows a reversal, at least; assumed [1]
 MOST_PERIODS = 20.0  # in the travel; assumed [1]
-STEP = 0.5 * math.pi  # phase over the travel, from one order of the profile to the next [rad]
-FINE = 0.2  # of that, up to one and a half periods in the travel [1]
-SURE = 9.2  # fall of the sum of squares, in deviations squared: quantile of 99 % of chi square, two degrees
+PROFILE_PHASE_STEP = 0.5 * math.pi  # phase over the travel, from one order of the profile to the next [rad]
+FINE_STEP_SHARE = 0.2  # of that, up to one and a half periods in the travel [1]
+LOSS_FALL = 9.2  # fall of the sum of squares, in deviations squared: quantile of 99 % of chi square, two degrees
 LINEAR = 2.0  # of that, from one order to another, as the profile is linear; assumed [1]
-APART = 1.4  # ends of the interval of an order that is determined, over each other; assumed [1]
+ORDER_INTERVAL_RATIO = 1.4  # ends of the interval of an order that is determined, over each other; assumed [1]
 DIFFERENCE = 1e-4  # of the level, for derivatives [1]
 
 Interval = tuple[float, float]
@@ -53,7 +53,9 @@ class Position(NamedTuple):
     """What a record tells of the level over the position, beside the estimate, in its scales."""
 
     free: bool  # whether the order was sought
-    half: Mapping[str, float] = {}  # half the widths of the intervals of ``NAMES``, none where no level is shown [1]
+    half: Mapping[
+        str, float
+    ] = {}  # half the widths of the intervals of ``SOUGHT_FIELDS``, none where no level is shown [1]
     near: tuple[Level, ...] = ()  # of other orders that describe the record as well
     places: tuple[float, ...] = ()  # the low end, the middle and the high end of the travel [1]
     most: float = math.nan  # b that the record would still hide, where none is shown [1]
@@ -87,12 +89,12 @@ def with_position(
     estimated : callable
         The whole search for the law and these fields of the level, with the others given.
     """
-    free, ends = order is None, stroke_of(problem)
+    free, ends = order is None, stroke_ends(problem)
     travel = float(np.ptp(ends))
     orders = _orders(travel) if order is None else np.array([order])
     flat, waves = _profile(problem, law, estimate, orders)
     best = min(waves, key=lambda wave: wave.left)
-    sure = SURE + 2.0 * math.log(orders.size)
+    sure = LOSS_FALL + 2.0 * math.log(orders.size)
     shows = sure * _deviation(estimate) ** 2
     if best.left >= flat - shows:
         (wave,) = _profile(problem, law, estimate, np.array([2.0 * math.pi / travel]))[1] if free else waves
@@ -107,8 +109,8 @@ def with_position(
         return determined(problem, space, searched(problem, space, 1, 0, False))
 
     found = again(best.level, free)
-    left = _left(found)
-    if left >= _left(estimate) - shows:
+    left = _sum_of_squares(found)
+    if left >= _sum_of_squares(estimate) - shows:
         return estimate, Position(free)
     near: list[Level] = []
     if free:
@@ -116,11 +118,11 @@ def with_position(
         _, waves = _profile(problem, law, found, orders)
         squares = np.array([wave.left for wave in waves])
         more = (squares - squares[orders == found.level.order]) / _deviation(found) ** 2
-        near = [wave.level for wave, m in zip(waves, more) if m <= SIZE**2]
+        near = [wave.level for wave, m in zip(waves, more) if m <= NORMAL_QUANTILE**2]
         alike = more <= LINEAR * sure
         if alike[0]:  # the first orders are no waves over the travel
             longer = again(waves[np.argmin(alike) - 1].level, False)
-            found = longer if _left(longer) <= (1.0 + HARDLY) ** 2 * left else found
+            found = longer if _sum_of_squares(longer) <= (1.0 + HARDLY) ** 2 * left else found
     half = half_widths_of_level(found)
     if estimate.space.sliders:  # as many as there are at the level that was found
         found = estimated(*_start(found.level, "order" in half))
@@ -132,15 +134,15 @@ def _start(level: Level, free: bool) -> tuple[tuple[Sought, ...], Level]:
 
     What the record determines of them is told by the profile too, and not by their intervals alone.
     """
-    bounds = {"position": (0.0, MOST), "peak": (-math.inf, math.inf), "order": (0.0, math.inf)}
-    names = NAMES if free else NAMES[:-1]
+    bounds = {"position": (0.0, LARGEST_INCREASE), "peak": (-math.inf, math.inf), "order": (0.0, math.inf)}
+    names = SOUGHT_FIELDS if free else SOUGHT_FIELDS[:-1]
     return tuple(
         Sought(name, False, None, getattr(level, name), *bounds[name], math.nan, of_level=True, small=math.inf)
         for name in names
     ), level
 
 
-def _left(estimate: Estimate) -> float:
+def _sum_of_squares(estimate: Estimate) -> float:
     return float(np.sum(estimate.optimum.residual**2))
 
 
@@ -148,8 +150,10 @@ def _orders(travel: float) -> NDArray[np.float64]:
     """Orders of the profile, from a period of ``LONGEST`` travels on."""
     lowest = 2.0 * math.pi / (LONGEST * travel)
     highest = 2.0 * math.pi * min(MOST_PERIODS / travel, 1.0 / SHORTEST)
-    fine = np.arange(lowest, 3.0 * math.pi / travel, FINE * STEP / travel)  # where neighbours differ least
-    return np.append(fine, np.arange(fine[-1] + STEP / travel, highest, STEP / travel))
+    fine = np.arange(
+        lowest, 3.0 * math.pi / travel, FINE_STEP_SHARE * PROFILE_PHASE_STEP / travel
+    )  # where neighbours differ least
+    return np.append(fine, np.arange(fine[-1] + PROFILE_PHASE_STEP / travel, highest, PROFILE_PHASE_STEP / travel))
 
 
 def _deviation(estimate: Estimate) -> float:
@@ -165,7 +169,7 @@ def _profile(problem: Problem, law: Law, estimate: Estimate, orders: NDArray) ->
     the level beside its mean that counts.
     """
     weighed, end = problem.weighed, estimate.optimum
-    mean, middle = float(np.mean(problem.at(estimate.level).levels[weighed])), float(stroke_of(problem).mean())
+    mean, middle = float(np.mean(problem.at(estimate.level).levels[weighed])), float(stroke_ends(problem).mean())
     flat = problem._replace(levels=np.full(problem.x.size, mean))
     here, u = flat.response(law, estimate.parameters), problem.x - middle
     U, size, _ = np.linalg.svd(estimate.beside_level, full_matrices=False)
@@ -183,17 +187,17 @@ def _profile(problem: Problem, law: Law, estimate: Estimate, orders: NDArray) ->
         moved = [flat._replace(levels=mean + DIFFERENCE * each) for each in (shapes - means).T]
         A = apart(np.column_stack([each.response(law, estimate.parameters) - here for each in moved]) / DIFFERENCE)
         change = np.linalg.lstsq(A, -e, rcond=None)[0]
-        p, q = change / max(mean - float(means @ change), (1.0 - MOST) * mean)
+        p, q = change / max(mean - float(means @ change), (1.0 - LARGEST_INCREASE) * mean)
         b = float(math.hypot(p, q))
         row = np.array([p, q]) / max(b, 1e-9) / mean
-        half = SIZE * _deviation(estimate) * math.sqrt(row @ np.linalg.pinv(A.T @ A) @ row)
-        level = Level(position=min(b, MOST), order=n, peak=middle + math.atan2(q, p) / n)
+        half = NORMAL_QUANTILE * _deviation(estimate) * math.sqrt(row @ np.linalg.pinv(A.T @ A) @ row)
+        level = Level(position=min(b, LARGEST_INCREASE), order=n, peak=middle + math.atan2(q, p) / n)
         waves.append(_Wave(float(np.sum((e + A @ change) ** 2)), level, half))
     return float(e @ e), waves
 
 
 def judged(found: Position, level: Level) -> tuple[dict[str, Interval], tuple[str, ...]]:
-    """Intervals of ``NAMES`` (F42), in the scales of the record, and which of them it does not determine.
+    """Intervals of ``SOUGHT_FIELDS`` (F42), in the scales of the record, and which of them it does not determine.
 
     They hold the values of other orders that are as good. None is told where the order, or b, has a wide one.
     """
@@ -204,22 +208,27 @@ def judged(found: Position, level: Level) -> tuple[dict[str, Interval], tuple[st
     if not result:
         return {}, ()
     low, high = result["position"]
-    result["position"] = max(low, 0.0), min(high, MOST)
-    unsure = max(high - level.position, level.position - low) > max(SHARE * level.position, SMALL)
+    result["position"] = max(low, 0.0), min(high, LARGEST_INCREASE)
+    unsure = max(high - level.position, level.position - low) > max(
+        DETERMINED_SHARE * level.position, DETERMINED_SCALE_SHARE
+    )
     if found.free:
-        unsure |= "order" not in result or result["order"][1] > APART * result["order"][0]
-    return ({}, NAMES[: 2 + found.free]) if unsure else (result, ())
+        unsure |= "order" not in result or result["order"][1] > ORDER_INTERVAL_RATIO * result["order"][0]
+    return ({}, SOUGHT_FIELDS[: 2 + found.free]) if unsure else (result, ())
 
 
-def told(found: Position, level: Level, undetermined: tuple[str, ...]) -> list[str]:
+def describe_position(found: Position, level: Level, undetermined: tuple[str, ...]) -> list[str]:
     """What a user has to know of it, in whole sentences."""
     if not level.position and math.isnan(found.most):
         return ["no level over the position describes the record better: it is taken as the same everywhere"]
     if not level.position:
         return [f"the record shows no influence of the position on the level (at most {found.most:.2g} of it)"]
     texts = []
-    if level.position > MOST - EDGE:
-        texts.append(f"position = {MOST:g} ends at the largest value of the search: the level would be negative beyond")
+    if level.position > LARGEST_INCREASE - EDGE:
+        texts.append(
+            f"position = {LARGEST_INCREASE:g} ends at the largest value of the search: the level would be negative "
+            "beyond"
+        )
     if undetermined:
         along = 1.0 + level.position * np.cos(level.order * (np.array(found.places) - level.peak))  # (F42)
         low, middle, high = (f"{each:.3g}" for each in along)

@@ -17,7 +17,7 @@ PRIOR = 3e-4  # weight of a coordinate's distance from its start, where nothing 
 EQUAL = 1e-3  # cost of the first search beyond the best one, within which the first one counts [1]
 COARSE = 4000  # samples of a record for such a search
 TRIES = 40  # steps of a search that only has to come near [1]
-SCREENED = 48  # sets drawn at random, of which the best are starts too
+SCREENED_SETS = 48  # sets drawn at random, of which the best are starts too
 PENALTY = 10.0  # on the way out of the range that the law allows [1]
 
 
@@ -164,7 +164,9 @@ def searched(problem: Problem, space: Space, starts: int, seed: int, global_sear
     others: list[NDArray] = []
     if starts > 1 and space.sought and not space.sliders:  # sliders begin near their optimum
         rng = np.random.default_rng(seed)
-        drawn = [np.append(_drawn(space, rng.normal(0.0, 1.5, len(space.sought))), middle) for _ in range(SCREENED)]
+        drawn = [
+            np.append(_draw_set(space, rng.normal(0.0, 1.5, len(space.sought))), middle) for _ in range(SCREENED_SETS)
+        ]
         costs = [np.sum(np.abs(residuals(part, space, q, PRIOR))) for q in drawn]
         others = [drawn[i] for i in np.argsort(costs)[: starts - 1]]
     if global_search:
@@ -178,7 +180,7 @@ def searched(problem: Problem, space: Space, starts: int, seed: int, global_sear
     return refined(problem, space, best._replace(q=np.append(space.nearest(best.q[:n]), best.q[n:])))
 
 
-def _drawn(space: Space, steps: NDArray) -> NDArray[np.float64]:
+def _draw_set(space: Space, steps: NDArray) -> NDArray[np.float64]:
     """A set at steps of a standard normal from the inside: e-fold in logarithms and in what may be zero."""
     q = space.inside.copy()
     for i, s in enumerate(space.sought):

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.friction.identification.branches import Branches
-from steer_env.friction.identification.displacement import motion_of, noise_of
+from steer_env.friction.identification.displacement import smoothed_motion, white_noise_deviation
 from steer_env.friction.identification.periods import repeatability
 from steer_env.friction.law import make
 from steer_env.friction.response import response
@@ -18,7 +18,8 @@ ALTERNATING = 0.6  # third differences that change their sign, at least [1]; of 
 NOISY = 1e-3  # noise of a sensor's signal over its range, at least [1]
 DRIFT = 0.03  # of the level: a smaller drift of the zero is not told [1]
 MATTERS = 0.01  # of the level: less than this that noise of x or a law leaves is not told [1]
-LOST = 2.0  # what noise of x leaves, over what a second smoothing of the smoothed motion shows; assumed [1]
+# What noise of x leaves, over what a second smoothing of the smoothed motion shows; assumed [1]
+SMOOTHING_LOSS_FACTOR = 2.0
 DRAWS = 4  # of noise of a displacement
 
 
@@ -83,13 +84,13 @@ def own_noise(x: NDArray, torque: NDArray, branches: Branches, by_x: float) -> f
     The larger of the noise from sample to sample and of that from period to period, with what noise of x adds.
     """
     apart = repeatability(x, torque, branches.turns[branches.first]) or 0.0
-    return math.hypot(max(noise_of(torque), apart / math.sqrt(2.0)), by_x)  # (F36)
+    return math.hypot(max(white_noise_deviation(torque), apart / math.sqrt(2.0)), by_x)  # (F36)
 
 
 def noisy_again(x: NDArray, noise: float) -> list[NDArray[np.float64]]:
     """The smoothed motion x (T,) with noise of this deviation once more, smoothed once more, some times [rad]."""
     rng = np.random.default_rng(0)
-    return [motion_of(x + rng.normal(0.0, noise, x.size), noise) for _ in range(DRAWS)]
+    return [smoothed_motion(x + rng.normal(0.0, noise, x.size), noise) for _ in range(DRAWS)]
 
 
 def by_noise(x: NDArray, again: NDArray, dt: float, level: float, length: float) -> float:
@@ -108,4 +109,4 @@ def by_noise(x: NDArray, again: NDArray, dt: float, level: float, length: float)
         The scales of the record [N m, rad].
     """
     law = make("dahl", F_c=level, sigma_0=level / length)
-    return LOST * float(np.std(response(law, again, dt) - response(law, x, dt)))
+    return SMOOTHING_LOSS_FACTOR * float(np.std(response(law, again, dt) - response(law, x, dt)))

@@ -9,7 +9,7 @@ from steer_env.friction.identification.determined import FLOOR, Estimate, half_w
 from steer_env.friction.identification.problem import Optimum, Problem
 from steer_env.friction.identification.quality import DRIFT, MATTERS, clipped
 from steer_env.friction.identification.scales import scaled
-from steer_env.friction.identification.space import EDGE, Space, sought_of
+from steer_env.friction.identification.space import EDGE, Space, sought_parameters
 from steer_env.friction.law import Law
 from steer_env.friction.level import Level
 
@@ -18,10 +18,11 @@ if TYPE_CHECKING:
 
 UNLIKE = 1.5  # residual over the record's own noise, of a law that does not describe it [1] ...
 DOMINANT = 0.1  # noise of x, of the length over which the torque follows a reversal [1]
-SHORT = 5.0  # steps between samples, within which the torque follows a reversal [1]
-SLOW = 6  # cosines that a zero may wander along, of half a period to three in the record; one for two branches at most
+FEWEST_STEPS_IN_REVERSAL = 5.0  # steps between samples, within which the torque follows a reversal [1]
+# Cosines that a zero may wander along, of half a period to three in the record; one for two branches at most
+WANDERING_COSINES = 6
 WANDERS = 0.5  # of the sum of squares, that they must leave less than; assumed [1]
-SURE = 2.0  # drift, or fall with the load, over half its interval [1]
+CERTAIN_RATIO = 2.0  # drift, or fall with the load, over half its interval [1]
 DIFFERENCE = 1e-4  # of the level, for its derivative by the load [1]
 
 
@@ -43,7 +44,10 @@ def _undetermined(found: "Fit", ready: "Prepared", law: Law) -> list[str]:
     text = f"the record does not determine {', '.join(values)}: kept at these values; "
     texts = [text + "record several speeds and wider loops"]
     step = float(np.median(np.abs(np.diff(ready.record.x))))
-    if any(law.units[name] == "N m/rad" for name in found.undetermined) and ready.scales.displacement < SHORT * step:
+    if (
+        any(law.units[name] == "N m/rad" for name in found.undetermined)
+        and ready.scales.displacement < FEWEST_STEPS_IN_REVERSAL * step
+    ):
         texts.append(
             f"the torque follows a reversal within about a step of x between samples ({step:g}), so its stiffness "
             "has only a lower bound: sample faster or move slower"
@@ -56,7 +60,7 @@ def _bounds(found: "Fit", ready: "Prepared", law: Law) -> list[str]:
     scales, values = ready.scales, found.parameters._asdict()
     free = {*found.intervals, *found.undetermined}
     held = {name: value for name, value in scaled(law, values, scales).items() if name not in free}
-    space = Space(law, sought_of(law, held), held, {}, np.empty(0), np.empty(0))
+    space = Space(law, sought_parameters(law, held), held, {}, np.empty(0), np.empty(0))
     q = space.coordinates(law.parameters(**scaled(law, values, scales)))
     texts = []
     for s, each in zip(space.sought, q.tolist()):
@@ -131,8 +135,10 @@ def _wandering(optimum: Optimum, ready: "Prepared") -> list[str]:
     """
     level, branches = ready.scales.torque, len(ready.branches.saturated) - ready.branches.first
     e, way = optimum.weakened, np.linspace(-0.5, 0.5, optimum.residual.size)
-    drift, half, left = _beside(optimum.jacobian, way, e)
-    slow = np.column_stack([way, np.cos(np.pi * np.outer(way + 0.5, np.arange(min(SLOW, branches // 2) + 1)))])
+    drift, half, left = _fit_further_column(optimum.jacobian, way, e)
+    slow = np.column_stack(
+        [way, np.cos(np.pi * np.outer(way + 0.5, np.arange(min(WANDERING_COSINES, branches // 2) + 1)))]
+    )
     zero = slow @ np.linalg.lstsq(slow, e, rcond=None)[0]
     over = float(np.ptp(zero))
     if ready.branches.saturates and over > DRIFT and np.sum((e - zero) ** 2) < WANDERS * (left @ left):
@@ -140,14 +146,14 @@ def _wandering(optimum: Optimum, ready: "Prepared") -> list[str]:
             f"the zero of the torque wanders over {over * level:.3g} in the course of the record, not along a "
             "straight line: subtract it, or fit shorter parts"
         ]
-    if abs(drift) > max(DRIFT, SURE * half):
+    if abs(drift) > max(DRIFT, CERTAIN_RATIO * half):
         return [
             f"the zero of the torque drifts by {drift * level:.3g} over the record: subtract it, or fit shorter parts"
         ]
     return []
 
 
-def _beside(J: NDArray, column: NDArray, e: NDArray, floor: float = 0.0) -> tuple[float, float, NDArray]:
+def _fit_further_column(J: NDArray, column: NDArray, e: NDArray, floor: float = 0.0) -> tuple[float, float, NDArray]:
     """One more number in a linear step, half the width of its interval (F35), and what the step leaves."""
     A = np.column_stack([J, column])
     change = np.linalg.lstsq(A, -e, rcond=None)[0]
@@ -163,8 +169,8 @@ def told_of_load(problem: Problem, estimate: Estimate) -> list[str]:
     levels = [Level(load=load), Level(load=load + DIFFERENCE)]
     ends = [problem.at(each).response(estimate.space.law, estimate.parameters) for each in levels]
     column = end.weight * (ends[1] - ends[0])[problem.weighed] / DIFFERENCE
-    change, half, _ = _beside(estimate.beside_level, column, end.weakened, FLOOR)
-    if change < -SURE * half:
+    change, half, _ = _fit_further_column(estimate.beside_level, column, end.weakened, FLOOR)
+    if change < -CERTAIN_RATIO * half:
         return [
             "the friction falls with the load, which the level does not describe (its rate stands at its bound 0): "
             "check the load's channel, or fit parts of equal load"

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from steer_env.friction.law import Law
 
 # Exponents of (torque, displacement, time); "N m" is one word, because the user may as well record forces.
-WORDS = {"N m": (1, 0, 0), "rad": (0, 1, 0), "s": (0, 0, 1), "1": (0, 0, 0)}
+UNIT_EXPONENTS = {"N m": (1, 0, 0), "rad": (0, 1, 0), "s": (0, 0, 1), "1": (0, 0, 0)}
 
 
 class Scales(NamedTuple):
@@ -18,7 +18,7 @@ class Scales(NamedTuple):
     time: float  # for that displacement at the record's speed [s]
 
     def of(self, unit: str) -> float:
-        """The scale of a quantity in this unit; raises ValueError for a word that is none of ``WORDS``."""
+        """The scale of a quantity in this unit; raises ValueError for a word that is none of ``UNIT_EXPONENTS``."""
         torque, displacement, time = exponents(unit)
         return self.torque**torque * self.displacement**displacement * self.time**time
 
@@ -35,9 +35,9 @@ def exponents(unit: str) -> tuple[int, int, int]:
     total = [0, 0, 0]
     for part, sign in ((above, 1), (below, -1)):
         for word, power in re.findall(r"(N m|[^\W\d]+|1)\^?(\d*)", part):
-            if word not in WORDS:
-                raise ValueError(f"a unit must be made of {', '.join(WORDS)}, got {unit!r}")
-            for i, exponent in enumerate(WORDS[word]):
+            if word not in UNIT_EXPONENTS:
+                raise ValueError(f"a unit must be made of {', '.join(UNIT_EXPONENTS)}, got {unit!r}")
+            for i, exponent in enumerate(UNIT_EXPONENTS[word]):
                 total[i] += sign * exponent * int(power or 1)
     return total[0], total[1], total[2]
 

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from steer_env.friction.law import Law, Sliders
 from steer_env.friction.level import Level
 
-REACH = math.log(1e6)  # of a logarithm about its start [1]
+LOG_SEARCH_RANGE = math.log(1e6)  # of a logarithm about its start [1]
 # The same of torques and displacements: beyond it a record tells none from zero, and the equation of a law grows stiff.
-REACH_IN_SCALE = math.log(1e3)
+LOG_SCALE_RANGE = math.log(1e3)
 EDGE = 1e-3  # distance of a coordinate from the end of its range, within which it is at it [1]
-NEAR = 1e-3  # change of a coordinate that shows an edge of what the law allows [1]
+BOUND_PROBE = 1e-3  # change of a coordinate that shows an edge of what the law allows [1]
 HALVINGS = 60  # of a way to a bound of the law
-SHARE = 0.5  # half the width of the interval of a coordinate that counts as determined, of its value [1] ...
-SMALL = 0.05  # ... or, where it is small, of its scale [1]
+DETERMINED_SHARE = 0.5  # half the width of the interval of a coordinate that counts as determined, of its value [1] ...
+DETERMINED_SCALE_SHARE = 0.05  # ... or, where it is small, of its scale [1]
 WIDEST = math.log(2.0)  # of a logarithm [1]
 LARGEST = 9.0  # relative excess: a break-away of ten times the sliding torque; assumed [1]
 
@@ -39,7 +39,8 @@ class Sought(NamedTuple):
     highest: float  # of the coordinate [1]
     neutral: float | None  # coordinate without effect; None: the law derives the parameter from the others [1]
     of_level: bool = False  # whether it is a field of the level and no parameter of the law
-    small: float = SMALL  # half the width of its interval that counts as determined, whatever its value [1]
+    # Half the width of its interval that counts as determined, whatever its value [1]
+    small: float = DETERMINED_SCALE_SHARE
 
     @property
     def bounded(self) -> bool:
@@ -53,10 +54,10 @@ class Sought(NamedTuple):
 
     def excess(self, q: float, half: float) -> float:
         """Half the width of an interval over the largest that counts as determined [1]."""
-        return half / WIDEST if self.logarithmic else half / max(SHARE * abs(q), self.small)
+        return half / WIDEST if self.logarithmic else half / max(DETERMINED_SHARE * abs(q), self.small)
 
 
-def sought_of(law: Law, given: Mapping[str, Any]) -> tuple[Sought, ...]:
+def sought_parameters(law: Law, given: Mapping[str, Any]) -> tuple[Sought, ...]:
     """The scalar parameters of a law except those that are given; the law's constructor tells which may be zero."""
     default = law.make()._asdict()
     scalars = {name: v for name, v in default.items() if np.ndim(v) == 0 and isinstance(v, float)}
@@ -75,7 +76,7 @@ def sought_of(law: Law, given: Mapping[str, Any]) -> tuple[Sought, ...]:
             result.append(Sought(name, False, None, start, lowest, math.inf, 0.0))
         else:
             start = math.log(value) if pure else 0.0
-            reach = REACH_IN_SCALE if law.units.get(name) in ("N m", "rad") else REACH
+            reach = LOG_SCALE_RANGE if law.units.get(name) in ("N m", "rad") else LOG_SEARCH_RANGE
             lowest = _lowest(law, name, start) if pure else start - reach
             start = max(start, lowest + 0.1)
             derived = signature[name].default is None
@@ -95,8 +96,8 @@ def _at_least(law: Law, scalars: Mapping[str, float], name: str, other: str) -> 
 
 
 def _lowest(law: Law, name: str, start: float) -> float:
-    """The least logarithm of a pure number that the law allows, within ``REACH`` of its default."""
-    low, high = start - REACH, start
+    """The least logarithm of a pure number that the law allows, within ``LOG_SEARCH_RANGE`` of its default."""
+    low, high = start - LOG_SEARCH_RANGE, start
     if _allowed(law, {name: math.exp(low)}):
         return low
     for _ in range(60):
@@ -176,13 +177,15 @@ class Space(NamedTuple):
     @property
     def lowest(self) -> NDArray[np.float64]:
         """Least values of the coordinates (n,)."""
-        return self._ends([s.lowest for s in self.sought], [-REACH, -REACH, -1.0])
+        return self._ends([s.lowest for s in self.sought], [-LOG_SEARCH_RANGE, -LOG_SEARCH_RANGE, -1.0])
 
     @property
     def highest(self) -> NDArray[np.float64]:
         """Largest values of the coordinates (n,)."""
-        last = REACH if self.stroke is None else math.log(0.5 * np.ptp(self.stroke))  # yield that a stroke shows
-        return self._ends([s.highest for s in self.sought], [REACH, last, 1.0])
+        last = (
+            LOG_SEARCH_RANGE if self.stroke is None else math.log(0.5 * np.ptp(self.stroke))
+        )  # yield that a stroke shows
+        return self._ends([s.highest for s in self.sought], [LOG_SEARCH_RANGE, last, 1.0])
 
     def _ends(self, sought: list[float], of_slider: list[float]) -> NDArray[np.float64]:
         return np.append(sought, np.repeat(of_slider[: 2 + self.sloped], self.sliders))
@@ -264,7 +267,7 @@ class Space(NamedTuple):
         """Parameters that the law refuses slightly beyond ``q``, where they are within their own bounds."""
         names = []
         for s, each, axis in zip(self.sought, q.tolist(), np.eye(q.size)):
-            step = NEAR * max(1.0, abs(each))
+            step = BOUND_PROBE * max(1.0, abs(each))
             ends = (end for end in (-step, step) if s.lowest <= each + end <= s.highest)
             if not all(_allowed(self.law, self.values(q + end * axis)) for end in ends):
                 names.append(s.name)
@@ -298,7 +301,7 @@ class Space(NamedTuple):
         return checked_space(self._replace(sought=sought, held=held, tied=tied, start=self.start[keep], inside=near))
 
 
-def space_of(law: Law, held: Mapping[str, Any]) -> Space:
+def make_space(law: Law, held: Mapping[str, Any]) -> Space:
     """The space of all scalar parameters that are not held, about the record's own scales.
 
     Raises
@@ -306,7 +309,7 @@ def space_of(law: Law, held: Mapping[str, Any]) -> Space:
     ValueError
         If no set near them is allowed.
     """
-    sought = sought_of(law, held)
+    sought = sought_parameters(law, held)
     q = np.array([s.start for s in sought])
     return checked_space(Space(law, sought, held, {}, q, q))
 

@@ -66,7 +66,7 @@ def make(
 
 
 @kernel
-def slope_of(z, z_c, b):
+def bristle_slope(z, z_c, b):
     """dz/dx of a bristle, both towards the motion (F15)."""
     return (z_c - z) * (z + b) / (z_c * b) if z > z_c - b else 1.0  # (F15)
 
@@ -95,8 +95,8 @@ def mean_torque(p, torque_scale, memory, w, h):
     change, area = bent(z, z_c, b, x)
     F = p.sigma_0 * (z + (area / x if x > 0.0 else 0.0)) + p.sigma_1 * change / h  # (F15)
     # in a short travel the difference of end and mean would cancel
-    rise = (change - area / x) / x if x > 1e-6 * b else 0.5 * slope_of(z, z_c, b)
-    slope = p.sigma_0 * h * rise + p.sigma_1 * slope_of(z + change, z_c, b) + p.sigma_2
+    rise = (change - area / x) / x if x > 1e-6 * b else 0.5 * bristle_slope(z, z_c, b)
+    slope = p.sigma_0 * h * rise + p.sigma_1 * bristle_slope(z + change, z_c, b) + p.sigma_2
     return side * F + p.sigma_2 * w, slope
 
 
@@ -113,13 +113,13 @@ def advance(p, torque_scale, memory, w, h):
 def torque(p, torque_scale, memory, w):
     z_c, b = torque_scale * p.F_c / p.sigma_0, torque_scale * (p.F_c - p.F_ba) / p.sigma_0
     z = limit_deflection(memory[0], z_c)
-    return p.sigma_0 * z + (p.sigma_1 * slope_of(math.copysign(1.0, w) * z, z_c, b) + p.sigma_2) * w  # (F15)
+    return p.sigma_0 * z + (p.sigma_1 * bristle_slope(math.copysign(1.0, w) * z, z_c, b) + p.sigma_2) * w  # (F15)
 
 
 @kernel
 def rate(p, torque_scale, memory, w, out):
     z_c, b = torque_scale * p.F_c / p.sigma_0, torque_scale * (p.F_c - p.F_ba) / p.sigma_0
-    out[0] = w * slope_of(math.copysign(1.0, w) * memory[0], z_c, b)  # (F15)
+    out[0] = w * bristle_slope(math.copysign(1.0, w) * memory[0], z_c, b)  # (F15)
 
 
 @kernel

@@ -62,7 +62,7 @@ def parent() -> Path:
     return Path(os.environ.get("NUMBA_CACHE_DIR") or platformdirs.user_cache_dir("steer_env")) / FOLDER
 
 
-def folder_of(kernel: Any, signature: tuple, compiler: str) -> Path | None:
+def kernel_folder(kernel: Any, signature: tuple, compiler: str) -> Path | None:
     """Folder of a kernel's machine code; None where it has no source hash or no folder is writable."""
     function = kernel.py_func
     try:
@@ -109,18 +109,18 @@ def compile_cached(kernel: Any, signature: tuple, compile: Callable[[tuple], Any
     with _lock:
         if signature in kernel.signatures:
             return compile(signature)
-        folder = None if _depth else folder_of(kernel, signature, compiler)
+        folder = None if _depth else kernel_folder(kernel, signature, compiler)
         _choose(kernel, folder)
         _depth += 1
         try:
-            with _announce(kernel, folder), _alone(folder), _no_collection():
+            with _announce(kernel, folder), _compile_lock(folder), _no_collection():
                 return _carefully(kernel, signature, compile, folder)
         finally:
             _depth -= 1
 
 
 @contextmanager
-def _alone(folder: Path | None) -> Iterator[None]:
+def _compile_lock(folder: Path | None) -> Iterator[None]:
     """Keep other processes from compiling the same kernel meanwhile; without a lock where there can be none.
 
     The operating system frees the lock of a process that dies. No process waits in a circle, as a kernel that is

@@ -158,11 +158,11 @@ def construct(what: str, make: Callable[..., Any], given: Mapping[str, Any]) -> 
     return make(**given)
 
 
-_TOLD: set[str] = set()
+_WARNED: set[str] = set()
 
 
 def warn_once(text: str, category: type[Warning], stacklevel: int) -> None:
     """Warn of what a file or its values have, each text once in a process; ``stacklevel`` as for the caller."""
-    if text not in _TOLD:
-        _TOLD.add(text)
+    if text not in _WARNED:
+        _WARNED.add(text)
         warnings.warn(text, category, stacklevel=stacklevel + 1)

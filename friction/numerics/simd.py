@@ -317,14 +317,14 @@ if COMPILED:
             if not all(isinstance(each, kind) for each, kind in zip(given, kinds)):
                 return None
             if result is not None:
-                return result(*[_PLAIN[kind] for kind in kinds])
+                return result(*[_PLAIN_TYPE[kind] for kind in kinds])
             shared = types.float64 if any(isinstance(each, types.Float) for each in given) else types.int64
             return shared(*[types.boolean if kind is types.Boolean else shared for kind in kinds])
 
         _typed(function, len(kinds), rule)
         lower_builtin(function, *kinds)(lambda context, build, _, arguments: generate(build, *arguments))
 
-    _PLAIN = {types.Number: types.float64, types.Boolean: types.boolean}
+    _PLAIN_TYPE = {types.Number: types.float64, types.Boolean: types.boolean}
 
     # Arithmetic and selection.
 
@@ -675,11 +675,11 @@ if COMPILED:
         return value
 
     # atan x = atan(middle of the interval) + atan((x - middle)/(1 + x middle)), from the outermost interval inwards
-    _ODD = (
+    _ATAN_ODD_COEFFICIENTS = (
         *(3.33333333333329318027e-01, 1.42857142725034663711e-01, 9.09088713343650656196e-02),
         *(6.66107313738753120669e-02, 4.97687799461593236017e-02, 1.62858201153657823623e-02),
     )
-    _EVEN = (
+    _ATAN_EVEN_COEFFICIENTS = (
         *(-1.99999999998764832476e-01, -1.11111104054623557880e-01, -7.69187620504482999495e-02),
         *(-5.83357013379057348645e-02, -3.65315727442169155270e-02),
     )
@@ -701,7 +701,13 @@ if COMPILED:
         t = build.fdiv(above, below)
         u = build.fmul(t, t)
         w = build.fmul(u, u)
-        tail = _call("fmuladd", build, u, _polynomial(build, w, _ODD), build.fmul(w, _polynomial(build, w, _EVEN)))
+        tail = _call(
+            "fmuladd",
+            build,
+            u,
+            _polynomial(build, w, _ATAN_ODD_COEFFICIENTS),
+            build.fmul(w, _polynomial(build, w, _ATAN_EVEN_COEFFICIENTS)),
+        )
         size = build.fadd(base, _call("fmuladd", build, build.fneg(t), tail, t))
         return _call("copysign", build, size, x)
 

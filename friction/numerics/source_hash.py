@@ -33,7 +33,7 @@ _START = time.time()  # a source file that changed after this may differ from wh
 _PROJECT = __name__.partition(".")[0]
 _INSTALLED = tuple(Path(sysconfig.get_path(kind)) for kind in ("purelib", "platlib"))  # where others' packages lie
 _STANDARD = Path(os.__file__).resolve().parent
-_FREE = (  # settings of numba that leave the code as it is, or that numba sets itself as it runs
+_UNCOUNTED_SETTINGS = (  # settings of numba that leave the code as it is, or that numba sets itself as it runs
     *("CACHE_DIR", "CACHE_LOCATOR_CLASSES", "DEBUG_CACHE", "COLOR_SCHEME", "RUNNING_UNDER_PROFILER", "USING_SVML"),
     *("NUMBA_NUM_THREADS", "NUMBA_DEFAULT_NUM_THREADS", "THREADING_LAYER"),
 )
@@ -230,7 +230,9 @@ def _unchanged(file: Path) -> Path:
 @functools.cache
 def _environment(compiler: str) -> str:
     """Digest of what every kernel depends on: versions, processor and settings of numba."""
-    options = {name: value for name, value in vars(numba.config).items() if name.isupper() and name not in _FREE}
+    options = {
+        name: value for name, value in vars(numba.config).items() if name.isupper() and name not in _UNCOUNTED_SETTINGS
+    }
     settings = sorted((name, value) for name, value in options.items() if isinstance(value, bool | int | float | str))
     versions = [module.__version__ for module in (numba, llvmlite, np)]
     processor = [platform.machine(), llvmlite.binding.get_host_cpu_name()]

@@ -34,7 +34,7 @@ from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.kernel import COMPILED, kernel
 
 _intrinsic: Any = extending.intrinsic  # whose first argument no caller gives
-WORD = ir.IntType(64)
+ADDRESS_TYPE = ir.IntType(64)
 
 
 def of_process(kind: Any) -> Any:
@@ -111,7 +111,7 @@ def values(typing_context, numbers, sizes):
 
     def generate(context, builder, signature, arguments):
         at, dimensions = arguments
-        dimensions = builder.gep(dimensions, [WORD(1)])
+        dimensions = builder.gep(dimensions, [ADDRESS_TYPE(1)])
 
         def rebuilt(kind: Any) -> Any:
             nonlocal at, dimensions
@@ -119,15 +119,15 @@ def values(typing_context, numbers, sizes):
                 return context.make_tuple(builder, kind, [rebuilt(member) for member in kind])  # type: ignore[attr-defined]
             here = at
             if not isinstance(kind, types.Array):
-                at = builder.gep(here, [WORD(1)])
+                at = builder.gep(here, [ADDRESS_TYPE(1)])
                 number = builder.load(here, align=8)
                 # No function writes to its numbers: the compiler may load one where it is used.
                 number.set_metadata("invariant.load", builder.module.add_metadata([]))
                 if kind != numbers.number and isinstance(numbers.number, simd.Wide):
-                    number = builder.extract_element(number, WORD(0))  # of all four, which have it in common
+                    number = builder.extract_element(number, ADDRESS_TYPE(0))  # of all four, which have it in common
                 return number if kind == numbers.number else context.cast(builder, number, types.float64, kind)
-            shape = [builder.load(builder.gep(dimensions, [WORD(k)])) for k in range(kind.ndim)]
-            dimensions = builder.gep(dimensions, [WORD(kind.ndim)])
+            shape = [builder.load(builder.gep(dimensions, [ADDRESS_TYPE(k)])) for k in range(kind.ndim)]
+            dimensions = builder.gep(dimensions, [ADDRESS_TYPE(kind.ndim)])
             found, size = _array(context, builder, kind, here, shape)
             at = builder.gep(here, [size])
             return found
@@ -162,9 +162,9 @@ def _array(context: Any, builder: Any, kind: Any, data: Any, shape: Sequence[Any
     """A contiguous array at an address, and how many elements it has."""
     itemsize = context.get_abi_sizeof(context.get_data_type(kind.dtype))
     strides: list[Any] = []
-    size: Any = WORD(1)
+    size: Any = ADDRESS_TYPE(1)
     for length in reversed(shape):
-        strides.insert(0, builder.mul(size, WORD(itemsize)))
+        strides.insert(0, builder.mul(size, ADDRESS_TYPE(itemsize)))
         size = builder.mul(size, length)
     made = context.make_array(kind)(context, builder)
     populate_array(
@@ -172,7 +172,7 @@ def _array(context: Any, builder: Any, kind: Any, data: Any, shape: Sequence[Any
         data=builder.bitcast(data, made.data.type),
         shape=shape,
         strides=strides,
-        itemsize=WORD(itemsize),
+        itemsize=ADDRESS_TYPE(itemsize),
         meminfo=None,
     )
     return made._getvalue(), size
@@ -185,7 +185,7 @@ def address_of(typing_context, array, i):
     def generate(context, builder, signature, arguments):
         found = context.make_array(array)(context, builder, arguments[0])
         stride = builder.extract_value(found.strides, 0)  # in bytes
-        return builder.add(builder.ptrtoint(found.data, WORD), builder.mul(stride, arguments[1]))
+        return builder.add(builder.ptrtoint(found.data, ADDRESS_TYPE), builder.mul(stride, arguments[1]))
 
     return types.int64(array, types.int64), generate
 
@@ -200,7 +200,7 @@ def _loaded(context: Any, builder: Any, kind: Any, array: Any, i: Any, k: Any) -
 
 
 @_intrinsic
-def _cell(typing_context, table, i, k):
+def _read_table_cell(typing_context, table, i, k):
     def generate(context, builder, signature, arguments):
         return _loaded(context, builder, signature.args[0], *arguments)
 
@@ -208,13 +208,15 @@ def _cell(typing_context, table, i, k):
 
 
 @_intrinsic
-def _between(typing_context, array, table, i, k):
+def _read_table_slice(typing_context, array, table, i, k):
     if array.layout != "C":
         raise NumbaTypeError(f"the memory of sites is a contiguous array of float64, got {array}")
 
     def generate(context, builder, signature, arguments):
         values, ends, i, k = arguments
-        first, end = (_loaded(context, builder, signature.args[1], ends, i, builder.add(k, WORD(n))) for n in (0, 1))
+        first, end = (
+            _loaded(context, builder, signature.args[1], ends, i, builder.add(k, ADDRESS_TYPE(n))) for n in (0, 1)
+        )
         data = context.make_array(array)(context, builder, values).data
         return _array(context, builder, array, builder.gep(data, [first]), [builder.sub(end, first)])[0]
 
@@ -223,8 +225,8 @@ def _between(typing_context, array, table, i, k):
 
 # For kernels: ``table[i, k]``, and the part of a contiguous array from there to ``table[i, k + 1]``, which no kernel
 # can return.
-cell: Any = _cell if COMPILED else lambda table, i, k: table[i, k]
-between: Any = _between if COMPILED else lambda array, table, i, k: array[table[i, k] : table[i, k + 1]]
+table_cell: Any = _read_table_cell if COMPILED else lambda table, i, k: table[i, k]
+table_slice: Any = _read_table_slice if COMPILED else lambda array, table, i, k: array[table[i, k] : table[i, k + 1]]
 
 
 @kernel
@@ -288,17 +290,17 @@ def structure(parameters: Any) -> Any:
     return parameters.shape if isinstance(parameters, np.ndarray) else type(parameters)
 
 
-def ONE(number: Any) -> Any:
+def RETURNS_NUMBER(number: Any) -> Any:
     """Result of a function: a number."""
     return number
 
 
-def TWO(number: Any) -> Any:
+def RETURNS_TWO_NUMBERS(number: Any) -> Any:
     """Result of a function: two numbers."""
     return types.UniTuple(number, 2)
 
 
-def NONE(number: Any) -> Any:
+def RETURNS_NOTHING(number: Any) -> Any:
     """Result of a function that changes what it is given."""
     return types.none
 
@@ -338,7 +340,7 @@ def _absent(numbers, sizes):
     raise NotImplementedError("the law has no such function, or none for four cars side by side")
 
 
-ABSENT = Function(_absent, "", NONE)  # in place of one that a part does not have
+ABSENT = Function(_absent, "", RETURNS_NOTHING)  # in place of one that a part does not have
 
 
 class Linked(tuple):
@@ -376,7 +378,7 @@ class LinkedType(types.Type):
     def generate(self, context: Any, builder: Any) -> Any:
         """The code of it; its tables live as long as the function that begins with them."""
         members = [
-            WORD(each) if isinstance(each, int) else self._table(context, builder, kind, each)
+            ADDRESS_TYPE(each) if isinstance(each, int) else self._table(context, builder, kind, each)
             for each, kind in zip(self.given, self.made)
         ]
         return context.make_tuple(builder, self.made, members)
@@ -384,17 +386,17 @@ class LinkedType(types.Type):
     def _table(self, context: Any, builder: Any, kind: Any, rows: Any) -> Any:
         columns = max(map(len, rows), default=1)
         if isinstance(rows, np.ndarray):  # a constant, as what is loaded from it must not have been stored before
-            numbers = ir.Constant(ir.ArrayType(WORD, rows.size), rows.ravel().tolist())
-            memory = builder.bitcast(cgutils.global_constant(builder, "table", numbers), WORD.as_pointer())
+            numbers = ir.Constant(ir.ArrayType(ADDRESS_TYPE, rows.size), rows.ravel().tolist())
+            memory = builder.bitcast(cgutils.global_constant(builder, "table", numbers), ADDRESS_TYPE.as_pointer())
         else:
-            memory = cgutils.alloca_once(builder, WORD, size=max(len(rows) * columns, 1))
+            memory = cgutils.alloca_once(builder, ADDRESS_TYPE, size=max(len(rows) * columns, 1))
             for i, row in enumerate(rows):
                 for k, (function, parameters) in enumerate(row):
                     made = function.compiled(parameters, False)
                     context.active_code_library.add_linking_library(made.library)
-                    address = builder.ptrtoint(context.declare_function(builder.module, made.fndesc), WORD)
-                    builder.store(address, builder.gep(memory, [WORD(i * columns + k)]))
-        return _array(context, builder, kind, memory, [WORD(len(rows)), WORD(columns)])[0]
+                    address = builder.ptrtoint(context.declare_function(builder.module, made.fndesc), ADDRESS_TYPE)
+                    builder.store(address, builder.gep(memory, [ADDRESS_TYPE(i * columns + k)]))
+        return _array(context, builder, kind, memory, [ADDRESS_TYPE(len(rows)), ADDRESS_TYPE(columns)])[0]
 
 
 def _common_description(each: Any) -> Any:

@@ -33,7 +33,7 @@ from steer_env.vehicle.steering.linear import response
 if TYPE_CHECKING:
     import control
 
-STEPS = 50  # of the search for the largest gain that keeps the margins
+GAIN_SEARCH_STEPS = 50  # of the search for the largest gain that keeps the margins
 POINTS = 2000  # of each frequency response
 
 
@@ -145,7 +145,7 @@ class LeadLag(Baseline):
             return all(phase >= self.phase_margin and factor >= self.gain_margin for phase, factor in pairs)
 
         # From no feedback upwards: a loop that grows from a stable one and keeps its distance from -1 stays stable.
-        shares = np.linspace(0.0, 1.0, STEPS + 1)
+        shares = np.linspace(0.0, 1.0, GAIN_SEARCH_STEPS + 1)
         return self.gain * max(itertools.takewhile(allowed, shares), default=0.0)
 
     def begin(self, i: int, seen: Any) -> None:

@@ -50,7 +50,7 @@ _SECTIONS = {
     "chassis.hold": ("speed_hold", ""),
 }
 # Keys of the chassis by the fields that hold them under another name, where the unit is theirs.
-_KEYS = {
+_CHASSIS_KEYS = {
     "m": "mass",
     "m_s": "sprung_mass",
     "m_uf": "front_unsprung_mass",
@@ -119,7 +119,7 @@ def _key(name: str, field: str, unit: str) -> tuple[str, Key] | None:
     """The key of a car file that a parameter is, with its name there; None where it is none."""
     owner = re.sub(r"^friction\.\w+\.level$", "level", name.rpartition(".")[0])  # a site's is as the car's
     section, start = _SECTIONS.get(owner, ("", ""))
-    named = _KEYS.get(field, field) if section == "chassis" else f"{start}{field}"
+    named = _CHASSIS_KEYS.get(field, field) if section == "chassis" else f"{start}{field}"
     found = declared_keys().get(section, {}).get(named)
     return (named, found) if found is not None and found.unit == unit else None
 
@@ -224,6 +224,6 @@ def variables(subsystem: Subsystem, version: int) -> list[Variable]:
     outputs = [
         Variable(s.name, s.unit, s.description, array, i, "OUTPUT", False, float(subsystem.shown[i]), s.low, s.high)
         for i, s in enumerate(subsystem.outputs)
-        for array in ("POSES" if s.name in poses.NAMES else "OUTPUTS",)
+        for array in ("POSES" if s.name in poses.POSE_NAMES else "OUTPUTS",)
     ]
     return [*inputs, *outputs, *_parameters(subsystem), *((TIME,) if version == 3 else ())]

@@ -69,7 +69,7 @@ def _add_sine(values, amplitude, step, phase):
         s, c = s * c_step + c * s_step, c * c_step - s * s_step
 
 
-def through(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def path_through_points(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """A path (N, 4), as :func:`from_curvature` gives it, along a cubic spline through points (M, 2) [m]."""
     from scipy import interpolate  # here, because importing it takes longer than starting an environment
 

@@ -15,7 +15,11 @@ from steer_env.vehicle.cars import Car
 
 Array = NDArray[np.float64]
 
-FAR, NEAR, NEAR_INTEGRAL = 16.0, 4.0, 3.0  # relative gains on the two angles and on the near angle's integral
+FAR_ANGLE_GAIN, NEAR_ANGLE_GAIN, NEAR_INTEGRAL_GAIN = (
+    16.0,
+    4.0,
+    3.0,
+)  # relative gains on the two angles and on the near angle's integral
 _FAR_POINT = 8  # place of the point 0.9 s ahead among the points
 # Places among the gains.
 _FAR_GAIN, _NEAR_GAIN, _INTEGRAL_GAIN, _FAR_DISTANCE, _NEAR_PLACE, _NEAR_DISTANCE = range(6)
@@ -42,11 +46,20 @@ def _gains(p: TwoPoint, car: Car, speed: float) -> Array:
     steady = -np.linalg.solve(system.A, system.B)[1, 0]  # yaw rate over handwheel angle
     per_curvature = speed / steady
     far = speed * PREVIEW_TIMES[_FAR_POINT]
-    unit = p.scale * per_curvature / (0.5 * (FAR * far + NEAR * p.near))
+    unit = p.scale * per_curvature / (0.5 * (FAR_ANGLE_GAIN * far + NEAR_ANGLE_GAIN * p.near))
     place = min(
         max(p.near / (speed * PREVIEW_TIMES[0]), 1.0), len(PREVIEW_TIMES) - 1.0
     )  # among the points, counted from one
-    return np.array([unit * FAR, unit * NEAR, unit * NEAR_INTEGRAL, far, place, place * speed * PREVIEW_TIMES[0]])
+    return np.array(
+        [
+            unit * FAR_ANGLE_GAIN,
+            unit * NEAR_ANGLE_GAIN,
+            unit * NEAR_INTEGRAL_GAIN,
+            far,
+            place,
+            place * speed * PREVIEW_TIMES[0],
+        ]
+    )
 
 
 @kernel

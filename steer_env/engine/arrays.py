@@ -124,7 +124,7 @@ def allocate(task: Task, template: Plant, n: int, samples: int, delay_steps: int
     ``samples`` are those of a control step, ``delay_steps`` the largest delay of the observation [control steps]. The
     arrays of the episodes' setups start empty and grow with :func:`stored`.
     """
-    states, channels = len(plant.states(template)), len(plant.channels(template))
+    states, channels = len(plant.state_names(template)), len(plant.channels(template))
     terms, observations = len(task.rewards) + len(task.costs), len(task.observed)
     return BatchArrays(
         episodes=np.zeros(n, EPISODE).view(np.recarray),  # a view whose fields plain Python finds as kernels do

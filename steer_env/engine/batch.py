@@ -133,7 +133,7 @@ class EnvironmentBatch:
         for corner in self._randomise.corners:  # refused now, not in some later episode
             with_level(template._replace(friction=corner.friction), corner)
         self.channels = tuple(name for name, _ in plant.channels(template))
-        self.states = tuple(name for name, _ in plant.states(template))
+        self.states = tuple(name for name, _ in plant.state_names(template))
         self._pose_states = [self.states.index(name) for name in _POSE]
         self._pose_channels = [plant.CHANNEL[name] for name in _POSE]
         delay_steps = round(LIMITS["delay"][1] / self.control_dt)

@@ -18,7 +18,7 @@ from steer_env.engine.batch import EnvironmentBatch
 from steer_env.episode.randomise import Conditions
 from steer_env.friction.law import law_of
 from steer_env.friction.numerics.packing import numbers
-from steer_env.friction.sites import named
+from steer_env.friction.sites import friction_name
 from steer_env.registration import id_of
 
 VERSION = 2  # of the format and of the meaning of what it holds: raised when either changes
@@ -80,7 +80,7 @@ def kind(batch: EnvironmentBatch) -> dict[str, str]:
 
 def _kind(batch: EnvironmentBatch) -> dict[str, str]:
     usual, road = batch.usual_conditions, batch.road
-    law, memory = named(usual.friction), law_of(usual.friction).memory_size(usual.friction)
+    law, memory = friction_name(usual.friction), law_of(usual.friction).memory_size(usual.friction)
     # Every number of the car that a plant is made of, at any speed and with any law.
     p = batch.car.plant("coulomb", speed=20.0, chassis=batch.chassis)
     return {

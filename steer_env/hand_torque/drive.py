@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from steer_env.hand_torque.model import RATE, Array, Prior, lateral_acceleration, prior_of, smoothed
+from steer_env.hand_torque.model import RATE, Array, Prior, lateral_acceleration, prior_from_meta, smoothed
 from steer_env.recording.recording import Recording, low_passed
 from steer_env.recording.units import COUNTS
 
@@ -17,20 +17,20 @@ ASSISTANCE = "assistance_active"  # channel that is not zero where something els
 USUAL = {"vehicle_speed": ("speed", "velocity", "v"), "torsion_bar_torque": ("handwheel_torque", "torque")}
 TORQUES = ("handwheel_torque", "torsion_bar_torque", "motor_torque")  # that a car which follows the drive has too
 FOLLOWS = 0.3  # correlation from which on one of these follows another; that of a motor at rest does not; assumed [1]
-FINE = 12.0  # low-pass of the angle that shows what the stronger one of the fit takes away [Hz]
+FINE_CUTOFF = 12.0  # low-pass of the angle that shows what the stronger one of the fit takes away [Hz]
 SHORTEST = 30.0  # of what is fitted and judged together; assumed [s]
 GAP = 0.1  # between two rows, from which on nothing is interpolated [s]
-BESIDE = 0.5  # of what is left out, on both sides, as the low-pass reaches there [s]
+EXCLUSION_MARGIN = 0.5  # of what is left out, on both sides, as the low-pass reaches there [s]
 SLOWEST = 1.0  # below, tyres are turned on the spot and not as they roll; assumed [m/s]
 STANDSTILL = 0.1  # speed up to which a car stands; assumed [m/s]
 JUMP = 20.0  # change of the speed that is the sensor's and not the car's; assumed [m/s2]
 FASTEST = 70.0  # that no recorded drive reaches, 99th percentile of the speed; assumed [m/s]
 LARGEST = 12.0  # lateral acceleration that no passenger car reaches, 99th percentile of the drive [m/s2]
 STILL = np.radians(0.15)  # standard deviation of an angle that is not steered; assumed [rad]
-TURN = np.radians(0.5)  # travel between two reversals that counts as a correction; assumed [rad]
+CORRECTION_TRAVEL = np.radians(0.5)  # travel between two reversals that counts as a correction; assumed [rad]
 FEWEST = 12  # corrections from which friction is identified; assumed [1]
 LIGHT, WINDOW = 0.04, 2.0  # deviation of the torque of hands that do not steer [N m], in windows of this length [s]
-FREE = 0.7  # share of such windows from which on the hands are taken to be off; assumed [1]
+HANDS_OFF_SHARE = 0.7  # share of such windows from which on the hands are taken to be off; assumed [1]
 
 
 class Drive(NamedTuple):
@@ -38,13 +38,13 @@ class Drive(NamedTuple):
 
     time: Array  # (T,) [s]
     angle: Array  # (T,) handwheel angle, smoothed [rad]
-    fine_angle: Array  # (T,) handwheel angle, smoothed at ``FINE`` only [rad]
+    fine_angle: Array  # (T,) handwheel angle, smoothed at ``FINE_CUTOFF`` only [rad]
     speed: Array  # (T,) [m/s]
     torque: Array  # (T,) torque of the torsion bar, or of the hands, as recorded [N m]
     torques: Mapping[str, Array]  # (T,) each: those of ``TORQUES`` that were recorded and follow each other [N m]
     weight: Array  # (T,) 0 where a sample is left out, else 1 [1]
     prior: Prior  # of the lateral acceleration
-    turns: int  # corrections: reversals of the angle after at least ``TURN``
+    turns: int  # corrections: reversals of the angle after at least ``CORRECTION_TRAVEL``
     notes: tuple[str, ...]
     record_notes: tuple[str, ...]  # those that are of the recording, and not of a fit of (H1)
 
@@ -72,7 +72,7 @@ def prepared(recording: Recording, prior: Prior | None = None, slowest: float = 
         less than ``SHORTEST`` of use; with the remedy.
     """
     named, left_out = _channels(recording)
-    time, weight, notes = even(recording, named)
+    time, weight, notes = uniform_samples(recording, named)
     notes += left_out
     read = {channel: at_instants(recording, name, time) for channel, name in named.items()}
     angle = smoothed(read["handwheel_angle"], 1.0 / RATE)
@@ -93,7 +93,7 @@ def prepared(recording: Recording, prior: Prior | None = None, slowest: float = 
             f"needed: a longer drive, faster than {3.6 * slowest:.3g} km/h, without gaps and steered by hands"
         )
     used = weight > 0.0
-    prior = prior_of(recording.meta) if prior is None else prior
+    prior = prior_from_meta(recording.meta) if prior is None else prior
     _check_unit(prior, angle[used], speed[used])
     prior, told = _measured(recording, prior, time, angle, speed, used)
     notes += _check_torque(angle, torque, used)
@@ -108,16 +108,17 @@ def prepared(recording: Recording, prior: Prior | None = None, slowest: float = 
     turns = len(reversals(angle[used]))
     if turns < FEWEST:
         notes += (
-            f"the angle turns back {turns} times after {np.degrees(TURN):g} deg or more, and friction shows at such "
+            f"the angle turns back {turns} times after {np.degrees(CORRECTION_TRAVEL):g} deg or more, and friction "
+            "shows at such "
             f"corrections: {FEWEST} are needed, so that no friction law is fitted to this drive by itself",
         )
-    fine = low_passed("handwheel_angle", read["handwheel_angle"], FINE, RATE)
+    fine = low_passed("handwheel_angle", read["handwheel_angle"], FINE_CUTOFF, RATE)
     return Drive(
         time, angle, fine, speed, torque, torques, weight, prior, turns=turns, notes=notes, record_notes=record_notes
     )
 
 
-def reversals(angle: Array, travel: float = TURN) -> list[float]:
+def reversals(angle: Array, travel: float = CORRECTION_TRAVEL) -> list[float]:
     """Where an angle (T,) [rad] turns back, by at least ``travel`` and after as much [rad]."""
     found, side, end = [], 0.0, float(angle[0])
     for x in angle:
@@ -160,10 +161,10 @@ def _channels(recording: Recording) -> tuple[dict[str, str], tuple[str, ...]]:
     return found, tuple(f"{name} {why}, and is not compared with a car" for name, why in left_out.items())
 
 
-def even(recording: Recording, named: dict[str, str]) -> tuple[Array, Array, tuple[str, ...]]:
+def uniform_samples(recording: Recording, named: dict[str, str]) -> tuple[Array, Array, tuple[str, ...]]:
     """Uniform instants (T,) [s], weights (T,), 0 where samples are left out, and what is told of it.
 
-    Left out are gaps of the channels and where ``ASSISTANCE`` steers, both with ``BESIDE``.
+    Left out are gaps of the channels and where ``ASSISTANCE`` steers, both with ``EXCLUSION_MARGIN``.
 
     Parameters
     ----------
@@ -192,7 +193,7 @@ def even(recording: Recording, named: dict[str, str]) -> tuple[Array, Array, tup
             )
         at = np.concatenate([recording.time[:1], recording.time[there], recording.time[-1:]])
         for k in np.flatnonzero(np.diff(at) > GAP):
-            inside = (time > at[k] - BESIDE) & (time < at[k + 1] + BESIDE)
+            inside = (time > at[k] - EXCLUSION_MARGIN) & (time < at[k + 1] + EXCLUSION_MARGIN)
             total = max(total, at[k + 1] - at[k])
             weight[inside] = 0.0
     if total:
@@ -211,8 +212,8 @@ def even(recording: Recording, named: dict[str, str]) -> tuple[Array, Array, tup
 
 
 def _widened(where: Any) -> Any:
-    """Samples (T,) that are marked, with ``BESIDE``."""
-    return np.convolve(where, np.ones(2 * round(BESIDE * RATE) + 1), "same") > 0.0
+    """Samples (T,) that are marked, with ``EXCLUSION_MARGIN``."""
+    return np.convolve(where, np.ones(2 * round(EXCLUSION_MARGIN * RATE) + 1), "same") > 0.0
 
 
 def _share(where: Any) -> str:
@@ -300,7 +301,7 @@ def _check_torque(angle: Array, whole: Array, used: Any) -> tuple[str, ...]:
         )
     windows = torque[: torque.size // size * size].reshape(-1, size)
     light = float(np.mean(windows.std(axis=1) < LIGHT))
-    if light >= FREE:
+    if light >= HANDS_OFF_SHARE:
         raise ValueError(
             f"in {light:.0%} of the drive the torque varies by less than {LIGHT:g} N m: the hands are off the wheel, "
             f"or an assistance steers; a hand torque needs hands; a channel {ASSISTANCE} leaves out where one steers"

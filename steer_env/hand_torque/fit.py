@@ -19,8 +19,8 @@ from steer_env.friction import response
 from steer_env.friction.identification.blocks import (
     DRAWS,
     drawn_means,
-    interval_of,
     not_negative_factors,
+    percentile_interval,
     redrawn,
     widened,
 )
@@ -41,8 +41,8 @@ from steer_env.hand_torque.model import (
 from steer_env.recording.recording import Recording
 
 HELD_OUT = 0.35  # share of a drive, its last part, that judges [1]
-BLOCK = 5.0  # of cross-validation and bootstrap; longer than a correction, assumed [s]
-MOST = 200  # blocks of a drive, which are longer in a long one
+BLOCK_LENGTH = 5.0  # of cross-validation and bootstrap; longer than a correction, assumed [s]
+MOST_BLOCKS = 200  # blocks of a drive, which are longer in a long one
 FOLDS = 10  # of the cross-validation
 A_C = (0.05, 0.1, 0.2, 0.4, 0.8)  # grid of a_c [m/s2]
 X_C = tuple(np.radians([0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.45, 0.7, 1.0, 1.5, 2.5]))  # grid of x_c [rad]
@@ -312,7 +312,7 @@ def _is_law(name: str) -> bool:
 
 def blocks(samples: int) -> NDArray[np.int64]:
     """Block of each sample (T,)."""
-    size = max(round(BLOCK * RATE), -(-samples // MOST))
+    size = max(round(BLOCK_LENGTH * RATE), -(-samples // MOST_BLOCKS))
     count = max(round(samples / size), 1)
     return np.minimum(np.arange(samples) // size, count - 1)
 
@@ -331,23 +331,23 @@ class _Parts:
         self.firsts = tuple(int(np.searchsorted(block, n - k)) for block, n, k in zip(self.block, counts, last))
         for i, (drive, first) in enumerate(zip(drives, self.firsts)):
             for name, part in (("fitted", drive.weight[:first]), ("judging", drive.weight[first:])):
-                if part.sum() < 2.0 * BLOCK * RATE:
+                if part.sum() < 2.0 * BLOCK_LENGTH * RATE:
                     raise ValueError(
                         f"the {name} part of {f'drive {i + 1}' if len(drives) > 1 else 'the drive'} has "
-                        f"{part.sum() / RATE:.2g} s of use, and {2.0 * BLOCK:g} are needed: change held_out, use a "
-                        "part of the drive without the gap, or take a longer drive"
+                        f"{part.sum() / RATE:.2g} s of use, and {2.0 * BLOCK_LENGTH:g} are needed: change held_out, "
+                        "use a part of the drive without the gap, or take a longer drive"
                     )
         self.whole = [np.ones(count) for count in counts]
         self.early = [(np.arange(n) < n - k).astype(float) for n, k in zip(counts, last)]
         self._references = [
-            table_of(drive, block, REFERENCE, _units(REFERENCE)[1::4]) for drive, block in zip(drives, self.block)
+            product_sums(drive, block, REFERENCE, _units(REFERENCE)[1::4]) for drive, block in zip(drives, self.block)
         ]
         self.sizes = [table.n for table in self._references]
         self.used = [np.flatnonzero(size) for size in self.sizes]  # blocks within a gap hold nothing
         parted = [_tenths(size) for size in self.sizes]
         self.folds = [[np.flatnonzero(each == k) for each in parted] for k in range(FOLDS)]
         rng = np.random.default_rng(seed)
-        self.draws = [_drawn(n, used, rng) for n, used in zip(counts, self.used)]
+        self.draws = [_draw_block_counts(n, used, rng) for n, used in zip(counts, self.used)]
         self.roads, self.early_roads = self._seen(self.whole), self._seen(self.early)
         self.fold_roads = [self._seen(self.without(fold)) for fold in self.folds]
         self.drawn_roads = [self._seen([each[k] for each in self.draws], near=True) for k in range(DRAWS)]
@@ -361,7 +361,7 @@ class _Parts:
 
     def tables(self, name: str) -> list[Table]:
         """The sums of each drive with a law."""
-        return [table_of(drive, block, name, _units(name)) for drive, block in zip(self.drives, self.block)]
+        return [product_sums(drive, block, name, _units(name)) for drive, block in zip(self.drives, self.block)]
 
     @property
     def count(self) -> int:
@@ -372,7 +372,7 @@ class _Parts:
         """The road of each drive, by itself; ``near`` looks beside those of whole drives only."""
         found = []
         for i, (table, each) in enumerate(zip(self._references, times)):
-            roads, widths = (_beside(self.roads[i]), A_C[1::2]) if near else (BALANCES, A_C)
+            roads, widths = (_neighbouring_balances(self.roads[i]), A_C[1::2]) if near else (BALANCES, A_C)
             units = _units(REFERENCE)[1::4]
             grid = [Point((r,), a_c, SIGMA[1], u) for r, a_c, u in product(roads, widths, units)]
             found.append(best([table], [each], grid, _names(REFERENCE)).point.roads[0])
@@ -386,7 +386,7 @@ def _tenths(size: Array) -> NDArray[np.int64]:
     return np.repeat(np.arange(FOLDS), shares)[place]
 
 
-def _beside(balance: float) -> tuple[float, ...]:
+def _neighbouring_balances(balance: float) -> tuple[float, ...]:
     """Values of the grid that are at most two steps from one of it."""
     place = BALANCES.index(balance)
     return BALANCES[max(place - 2, 0) : place + 3]
@@ -411,7 +411,7 @@ def _key(name: str, road: float, point: Point) -> Key:
     return (name, *keys.get(name, ()))
 
 
-def table_of(
+def product_sums(
     drive: Drive,
     block: NDArray[np.int64],
     law: str,
@@ -511,7 +511,7 @@ def _solved(A: Array, free: int) -> Array:
     return not_negative_factors(R, y, np.arange(size.size) < free) / size
 
 
-def left_of(tables: Sequence[Table], solved: Solved) -> list[Array]:
+def block_residuals(tables: Sequence[Table], solved: Solved) -> list[Array]:
     """Sum of squares (B,) that is left in each block of each drive [N2 m2]."""
     found = []
     for i, table in enumerate(tables):
@@ -544,7 +544,7 @@ def _row(parts: _Parts, name: str) -> Fitted:
     for fold, roads in zip(parts.folds, parts.fold_roads):
         solved = fit(parts.without(fold), roads)
         folds.append(solved.left)
-        for to, of, inside in zip(left, left_of(tables, solved), fold):
+        for to, of, inside in zip(left, block_residuals(tables, solved), fold):
             to[inside] = of[inside]
     draws = [
         best(
@@ -559,7 +559,7 @@ def _row(parts: _Parts, name: str) -> Fitted:
     coefficients = np.array([np.append(each.offsets[0], each.p) for each in draws])
     values = np.append(whole.offsets[0], whole.p)
     intervals = {
-        each: _about(value, of, parts.count, free=each == "T_0")
+        each: _bootstrap_interval(value, of, parts.count, free=each == "T_0")
         for each, value, of in zip(("T_0", *names), values, coefficients.T)
     }
     level, ends, x_c, distances = 0.0, (0.0, 0.0), np.nan, (np.nan, np.nan)
@@ -572,7 +572,7 @@ def _row(parts: _Parts, name: str) -> Fitted:
             factor * (value + float(np.hypot(high - value, rest))),
         )
         if has_distance(name):
-            x_c, distances = whole.point.unit[0], interval_of(np.array([each.point.unit[0] for each in draws]))
+            x_c, distances = whole.point.unit[0], percentile_interval(np.array([each.point.unit[0] for each in draws]))
     used = sum(float(table.n.sum()) for table in tables)
     fitted = sum(float(each @ table.n) for each, table in zip(parts.early, tables))
     return Fitted(
@@ -584,13 +584,13 @@ def _row(parts: _Parts, name: str) -> Fitted:
     )  # fmt: skip
 
 
-def _about(value: float, draws: Array, count: int, free: bool = False) -> Interval:
+def _bootstrap_interval(value: float, draws: Array, count: int, free: bool = False) -> Interval:
     """95 % interval about a coefficient, not negative unless ``free``.
 
     The draws are of ``count`` blocks, and few blocks ask for a wider interval than that of their draws.
     """
     wide = widened(count, count - 1)
-    low, high = interval_of(draws)
+    low, high = percentile_interval(draws)
     low, high = value - max(wide * (value - low), 0.0), value + max(wide * (high - value), 0.0)
     return float(low if free else max(low, 0.0)), float(high)
 
@@ -614,7 +614,7 @@ def _work(
     of_draws = np.array([shares(each, [t[k] for t in parts.draws]) for k, each in enumerate(draws)])
     value = shares(whole, parts.whole)
     return {
-        name: (float(v), _about(float(v), of, parts.count))
+        name: (float(v), _bootstrap_interval(float(v), of, parts.count))
         for name, v, of in zip(("friction", "tyres", "damping"), value, of_draws.T)
     }
 
@@ -628,7 +628,7 @@ def _lost(parts: _Parts, name: str, solved: Solved) -> float:
     if models[0].friction is None:
         return 1.0
     tables = [
-        table_of(
+        product_sums(
             drive, block, name, [solved.point.unit], [model.balance], [model.a_c],
             torque=on_samples(model, drive.fine_angle, drive.speed, drive.dt),
         )
@@ -638,7 +638,7 @@ def _lost(parts: _Parts, name: str, solved: Solved) -> float:
     return float(np.clip(solved.p[-1] / found, 1.0, MOST_LOST)) if found > 0.0 else 1.0
 
 
-def _drawn(count: int, used: NDArray[np.int64], rng: np.random.Generator) -> Array:
+def _draw_block_counts(count: int, used: NDArray[np.int64], rng: np.random.Generator) -> Array:
     """How often each of ``count`` blocks counts when those that hold samples are drawn anew, (DRAWS, count)."""
     times = np.zeros((DRAWS, count))
     times[:, used] = redrawn(used.size, rng)
@@ -662,14 +662,14 @@ def _answer(parts: _Parts, rows: list[Fitted]) -> Identified:
         )
         for row in rows
     }
-    left = {name: _left(torque, measured) for name, torque in predicted.items()}
+    left = {name: _rms_residual(torque, measured) for name, torque in predicted.items()}
     drawn = {name: _drawn_left(torque, measured, parts.seed) for name, torque in predicted.items()}
     judged = [
         row._replace(
             residual=left[row.name],
-            interval=interval_of(drawn[row.name]),
+            interval=percentile_interval(drawn[row.name]),
             adds=left[VISCOUS] - left[row.name],
-            adds_interval=interval_of(drawn[VISCOUS] - drawn[row.name]),
+            adds_interval=percentile_interval(drawn[VISCOUS] - drawn[row.name]),
         )
         for row in sorted(rows, key=lambda row: left[row.name])
     ]
@@ -677,7 +677,7 @@ def _answer(parts: _Parts, rows: list[Fitted]) -> Identified:
     equals = [
         name
         for name in dry
-        if left[name] <= (1.0 + ALIKE) * left[dry[0]] or interval_of(drawn[name] - drawn[dry[0]])[0] <= 0.0
+        if left[name] <= (1.0 + ALIKE) * left[dry[0]] or percentile_interval(drawn[name] - drawn[dry[0]])[0] <= 0.0
     ]
     apart = max(
         (float(np.sqrt(np.mean((predicted[a] - predicted[b]) ** 2))) for a in equals for b in equals), default=0.0
@@ -686,7 +686,7 @@ def _answer(parts: _Parts, rows: list[Fitted]) -> Identified:
     return found._replace(chosen=_chosen(parts, found), changes=_changes(parts, found) if dry else {})
 
 
-def _left(predicted: Array, measured: Array) -> float:
+def _rms_residual(predicted: Array, measured: Array) -> float:
     """Root mean square that is left [N m]."""
     return float(np.sqrt(np.mean((predicted - measured) ** 2)))
 
@@ -710,7 +710,7 @@ def _unseen(parts: _Parts, rows: Sequence[Fitted]) -> Unseen:
     times = redrawn(used.size, parts.seed, 4 * DRAWS)
     drawn = [np.sqrt(times @ each[used] / (times @ size[used])) for each in (by_name[VISCOUS].blocks, left)]
     residual, without = (float(np.sqrt(each.sum() / size.sum())) for each in (left, by_name[VISCOUS].blocks))
-    return Unseen(residual, without, interval_of(drawn[0] - drawn[1]))
+    return Unseen(residual, without, percentile_interval(drawn[0] - drawn[1]))
 
 
 def _changes(parts: _Parts, found: Identified) -> dict[str, tuple[float, Interval]]:
@@ -725,7 +725,7 @@ def _changes(parts: _Parts, found: Identified) -> dict[str, tuple[float, Interva
         reach = float(np.quantile(every, RANGE))
         units = [(x, quantity, c) for x, c in product(near, CHANGES)]
         tables = [
-            table_of(
+            product_sums(
                 drive, block, row.name, units, [model.balance], [model.a_c],
                 scales={quantity: np.minimum(of[quantity] / reach, 1.0)},
             )
@@ -736,7 +736,7 @@ def _changes(parts: _Parts, found: Identified) -> dict[str, tuple[float, Interva
         draws = [best(tables, [t[k] for t in parts.draws], points, names) for k in range(DRAWS)]
         grown = np.array([each.point.unit[2] * each.p[-1] for each in draws]) / reach
         value = whole.point.unit[2] * float(whole.p[-1]) / reach
-        low, high = _about(value, grown, parts.count, free=True)
+        low, high = _bootstrap_interval(value, grown, parts.count, free=True)
         rest = SYSTEMATIC * value
         result[quantity] = (
             value,
@@ -755,7 +755,7 @@ def _chosen(parts: _Parts, found: Identified) -> str:
         return DRY
     used = np.concatenate(parts.sizes) > 0.0
     saved = (found.row(NONE).blocks - found.row(VISCOUS).blocks)[used]
-    return VISCOUS if interval_of(redrawn(saved.size, parts.seed, 4 * DRAWS) @ saved)[0] > 0.0 else NONE
+    return VISCOUS if percentile_interval(redrawn(saved.size, parts.seed, 4 * DRAWS) @ saved)[0] > 0.0 else NONE
 
 
 def _across(parts: _Parts, alone: Sequence[Identified]) -> tuple[Across, ...]:
@@ -768,10 +768,10 @@ def _across(parts: _Parts, alone: Sequence[Identified]) -> tuple[Across, ...]:
             late = np.flatnonzero((np.arange(drive.time.size) >= first) & (drive.weight > 0.0))
             measured = drive.torque[late]
             with_law, without = (_lent(row.model, drive, first)[late] for row in (own.best, own.row(VISCOUS)))
-            residual, gain, ends = _left(with_law, measured), np.nan, (np.nan, np.nan)
+            residual, gain, ends = _rms_residual(with_law, measured), np.nan, (np.nan, np.nan)
             if own.dry:
                 drawn = [_drawn_left(each, measured, parts.seed) for each in (without, with_law)]
-                gain, ends = _left(without, measured) - residual, interval_of(drawn[0] - drawn[1])
+                gain, ends = _rms_residual(without, measured) - residual, percentile_interval(drawn[0] - drawn[1])
             found.append(Across(i, j, residual, gain, ends))
     return tuple(found)
 

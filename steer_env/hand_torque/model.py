@@ -178,7 +178,7 @@ def on_samples(model: Model, angle: Array, speed: Array, dt: float) -> Array:
     return found if model.friction is None else found + response(resolve(model.friction), angle, dt)  # (H1)
 
 
-def prior_of(meta: Mapping[str, Any], given: Prior | None = None) -> Prior:
+def prior_from_meta(meta: Mapping[str, Any], given: Prior | None = None) -> Prior:
     """The prior with ratio, wheelbase and understeer that a recording's meta holds.
 
     Raises

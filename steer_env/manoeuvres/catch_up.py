@@ -10,14 +10,14 @@ from steer_env.recording.recording import DEGREE
 Array = NDArray[np.float64]
 
 BLUNT = 0.95  # rounding of the corners: the hands reverse with about 160 rad/s2 at 700 deg/s [1]
-SLOW = 45.0 * DEGREE  # rate of the slow sweeps with which the others are compared, assumed [rad/s]
+SLOW_SWEEP_RATE = 45.0 * DEGREE  # rate of the slow sweeps with which the others are compared, assumed [rad/s]
 RATES = tuple(rate * DEGREE for rate in (100.0, 200.0, 300.0, 400.0, 500.0, 600.0, 700.0))
 AMPLITUDE = 270.0 * DEGREE  # assumed [rad]
 
 
 def _sweeps(rates: tuple[float, ...], amplitude: float, cycles: int) -> tuple[Array, Array]:
     """Knots (K,) of time [s] and phase [rad]; the rate changes where the handwheel reverses."""
-    each = np.concatenate([[SLOW], np.repeat([SLOW, *rates], 2 * cycles), [SLOW]])
+    each = np.concatenate([[SLOW_SWEEP_RATE], np.repeat([SLOW_SWEEP_RATE, *rates], 2 * cycles), [SLOW_SWEEP_RATE]])
     phase = np.pi * np.append(0.5, np.ones(each.size - 2))
     omega = each[:-1] * np.arcsin(BLUNT) / (amplitude * BLUNT)
     return np.append(0.0, np.cumsum(phase / omega)), np.append(0.0, np.cumsum(phase))
@@ -41,7 +41,8 @@ def catch_up(
     fastest = max(rates) / DEGREE
     return Manoeuvre(
         name="catch-up",
-        hands=f"Sweeps of +-{amplitude / DEGREE:.0f} deg at {SLOW / DEGREE:.0f} and up to {fastest:.0f} deg/s",
+        hands=f"Sweeps of +-{amplitude / DEGREE:.0f} deg at {SLOW_SWEEP_RATE / DEGREE:.0f} "
+        f"and up to {fastest:.0f} deg/s",
         source="catch-up test of steering-feel practice",
         speed=speed,
         duration=float(time[-1]),

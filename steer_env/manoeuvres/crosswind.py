@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 # Side force of a compact car, 1/2 rho A c_Y beta v_res^2 at an angle of attack beta; all values assumed.
 AIR, AREA, SIDE_FORCE_SLOPE = 1.2, 2.0, 2.3  # density [kg/m3], frontal area [m2], dc_Y/dbeta [1/rad]
 ARM = 0.3  # distance of the centre of pressure ahead of the centre of gravity, assumed [m]
-LENGTH = 4.0  # length of the car, over which the wind force builds up, assumed [m]
+CAR_LENGTH = 4.0  # length of the car, over which the wind force builds up, assumed [m]
 START, EVENT = 2.0, 8.0  # start of the first gust, and time from one gust to the next, assumed [s]
 CORRELATION = 1.0  # correlation time of random wind, assumed [s]
 
@@ -29,8 +29,8 @@ def side_force(wind: Array, speed: float) -> Array:
 def _gusts(t: Array, wind: float, length: float, events: int, speed: float) -> Array:
     """Side force over time from strips of wind, alternately to the left and to the right [N]."""
     event, s = np.divmod(t - START, EVENT)
-    rise = np.clip(s * speed / LENGTH, 0.0, 1.0)
-    fall = np.clip((s * speed - length) / LENGTH, 0.0, 1.0)
+    rise = np.clip(s * speed / CAR_LENGTH, 0.0, 1.0)
+    fall = np.clip((s * speed - length) / CAR_LENGTH, 0.0, 1.0)
     shape = rise * rise * (3.0 - 2.0 * rise) - fall * fall * (3.0 - 2.0 * fall)
     blowing = (event >= 0.0) & (event < events)
     return np.where(blowing, shape * (1.0 - 2.0 * (event % 2.0)), 0.0) * side_force(np.array(wind), speed)
@@ -77,7 +77,7 @@ def crosswind(
         If the wind is not positive, or a strip is too long for the time from one gust to the next.
     """
     strength = positive("wind", (20.0 if seed is None else 5.0) if wind is None else wind)
-    if seed is None and (length + LENGTH) / speed > 0.5 * EVENT:
+    if seed is None and (length + CAR_LENGTH) / speed > 0.5 * EVENT:
         raise ValueError(f"length is {length:g} m: at {3.6 * speed:.0f} km/h a gust must be over in {0.5 * EVENT:g} s")
     profile: Callable[[Array], Array]
     if seed is None:

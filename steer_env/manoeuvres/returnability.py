@@ -3,7 +3,7 @@
 import numpy as np
 
 from steer_env.manoeuvres.common.definition import Manoeuvre, register
-from steer_env.manoeuvres.release import EVENT, let_go, turns
+from steer_env.manoeuvres.release import EVENT, let_go, turn_and_release
 
 
 @register("returnability")
@@ -15,7 +15,7 @@ def returnability(angle: float = 0.5 * np.pi, events: int = 4) -> Manoeuvre:
         source="workshop check of the handwheel's return",
         speed=35.0 / 3.6,
         duration=events * EVENT,
-        hand=turns,
+        hand=turn_and_release,
         released=let_go(events),
         amplitude=angle,
     )

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import stats
 
 from steer_env.metrics.common.definitions import Bounded, RefusedError, metric, register_evaluation
-from steer_env.metrics.common.events import runs
+from steer_env.metrics.common.events import true_runs
 from steer_env.metrics.common.filtered_channels import TORQUE, FilteredChannels
 from steer_env.metrics.common.noise import in_band
 from steer_env.recording.recording import Recording
@@ -21,7 +21,7 @@ BAND = 0.05  # largest deviation of a held torque, as a fraction of it; assumed 
 TAIL = 0.94
 SETTLING = 2.0  # time until the vibration that the rise excites has died out [s]
 EDGE = 0.1  # time before the hands let go that the low-pass blurs [s]
-CLEAR = 3.0  # a ripple must exceed this many times the span of the noise; assumed [1]
+LEAST_NOISE_SPANS = 3.0  # a ripple must exceed this many times the span of the noise; assumed [1]
 BAR = "torsion_bar_torque"
 
 
@@ -33,7 +33,7 @@ class Hold:
         torque = FilteredChannels(recording, HAND_CUTOFF)[TORQUE]
         pulled = np.abs(torque) > 0.5 * np.quantile(np.abs(torque), 0.95)
         level = np.median(torque[pulled]) if pulled.any() else 0.0
-        held = runs(np.abs(torque - level) < BAND * abs(level))
+        held = true_runs(np.abs(torque - level) < BAND * abs(level))
         first, last = max(held, key=lambda run: time[run[1] - 1] - time[run[0]], default=(0, 1))
         if not time[last - 1] - time[first] >= SETTLING + 1.0:
             raise RefusedError(
@@ -54,7 +54,7 @@ class Hold:
         independent = 2 * CUTOFF * (self.time[-1] - self.time[0])  # number of independent samples of noise of this band
         deviation = in_band(self.smooth, name, CUTOFF)
         noise = 2 * stats.norm.isf(0.5 / independent) * deviation
-        if span < CLEAR * noise:
+        if span < LEAST_NOISE_SPANS * noise:
             raise RefusedError(
                 f"{name} spans {span:.2g} N m, of which noise alone would make {noise:.2g}: use a better sensor"
             )

@@ -14,7 +14,7 @@ from steer_env.metrics.common.filtered_channels import ANGLE
 from steer_env.metrics.common.free_hands import Releases
 from steer_env.recording.recording import DEGREE, Recording
 
-FREE = 4.0  # time for which the hands must stay off [s]
+FREE_TIME = 4.0  # time for which the hands must stay off [s]
 RETURN_RANGE = (80.0 * DEGREE, 30.0 * DEGREE)  # angles between which the return rate is read [rad]
 SOURCE = "workshop check at 35 km/h from 90 deg (Hyundai); times assumed"
 
@@ -23,7 +23,7 @@ class Returns:
     """Releases of a handwheel that was held at about ``angle_rad``."""
 
     def __init__(self, recording: Recording, conditions: dict[str, float]) -> None:
-        self.releases = Releases(recording, FREE)
+        self.releases = Releases(recording, FREE_TIME)
         held, wanted = self.releases.held(ANGLE), conditions["angle_rad"]
         if np.any(np.abs(held / wanted - 1) > 0.1):
             found = ", ".join(f"{a / DEGREE:.0f}" for a in held)
@@ -46,7 +46,7 @@ class Returns:
 
     def angle(self, event: int) -> tuple[np.ndarray, np.ndarray]:
         """Time [s] and handwheel angle [rad] after a release."""
-        return self.releases.section(ANGLE, event, -0.2, FREE)
+        return self.releases.section(ANGLE, event, -0.2, FREE_TIME)
 
 
 register_evaluation("returnability", Returns, speed_m_s=35 / 3.6, angle_rad=0.5 * np.pi)

@@ -33,15 +33,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.friction import response
-from steer_env.hand_torque.drive import FEWEST, at_instants, even, prepared, reversals
+from steer_env.hand_torque.drive import FEWEST, at_instants, prepared, reversals, uniform_samples
 from steer_env.hand_torque.model import smoothed, stretched
 from steer_env.metrics.common.confidence import interval
 from steer_env.metrics.common.definitions import Bounded, Doubt, RefusedError, declare, metric, register_evaluation
-from steer_env.metrics.common.events import runs
+from steer_env.metrics.common.events import true_runs
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, SPEED, TORQUE, YAW, DoubleFiltered
 from steer_env.metrics.common.kept import anew, kept
 from steer_env.metrics.common.loops import WINDOW
-from steer_env.metrics.common.straight import told
+from steer_env.metrics.common.straight import describe_zeros
 from steer_env.recording.recording import DEGREE, Recording
 from steer_env.vehicle.constants import GRAVITY as G
 
@@ -49,12 +49,12 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 SLOWEST = 8.0  # below, the loops are of more than a steady turn; assumed [m/s]
-BLOCK = 10.0  # length of a block, longer than what the road and the driver correlate over; assumed [s]
+BLOCK_LENGTH = 10.0  # length of a block, longer than what the road and the driver correlate over; assumed [s]
 FEWEST_BLOCKS = 6  # from which on their scatter tells an interval; assumed
-LEAST = 1.0  # of a block in the window, so that it counts; assumed [s]
+LEAST_TIME_IN_WINDOW = 1.0  # of a block in the window, so that it counts; assumed [s]
 X_C = np.geomspace(0.05, 2.5, 24) * DEGREE  # grid of x_c [rad]
-HELD = 0.005  # standard deviation of a speed that is held, over its mean; assumed [1]
-BEYOND = 0.02  # least share of the samples beyond half the window, on either side; assumed [1]
+HELD_SPEED_DEVIATION = 0.005  # standard deviation of a speed that is held, over its mean; assumed [1]
+LEAST_OUTER_SHARE = 0.02  # least share of the samples beyond half the window, on either side; assumed [1]
 # Share of a width and of a slope that the form of (R1) leaves open. Against their slow weaves, five simulated cars with
 # four friction laws show -18 (rear-drive saloon, LuGre) to +12 % (compact, Masing) of the widths over the angle, -4 to
 # +18 % of those over the lateral acceleration, and -0 to +4 % of the slopes [1].
@@ -95,8 +95,8 @@ class Road:
         self.blocks = _blocks(drive.weight > 0.0, drive.dt)
         if len(self.blocks) < FEWEST_BLOCKS:
             raise RefusedError(
-                f"the drive has {len(self.blocks)} blocks of {BLOCK:g} s without gaps, and {FEWEST_BLOCKS} are needed: "
-                "record a longer drive"
+                f"the drive has {len(self.blocks)} blocks of {BLOCK_LENGTH:g} s without gaps, and {FEWEST_BLOCKS} are "
+                "needed: record a longer drive"
             )
         rate = np.gradient(drive.angle, drive.dt)
         self._hands = np.column_stack([rate, np.gradient(rate, drive.dt)])
@@ -119,10 +119,10 @@ class Road:
         span = mean if np.ptp(v) < 1.0 else f"{v.min():.0f} to {v.max():.0f} km/h, {mean} on average"
         found = [
             *self.drive.record_notes,
-            f"read from {len(self.blocks)} blocks of about {BLOCK:g} s at {span}, and at the speed zero of the hands: "
-            "to be compared with a slow ramp; the curve is a slow cycle by what was fitted",
+            f"read from {len(self.blocks)} blocks of about {BLOCK_LENGTH:g} s at {span}, and at the speed zero of the "
+            "hands: to be compared with a slow ramp; the curve is a slow cycle by what was fitted",
         ]
-        found += told({ANGLE: self.zero()}, "where the lateral acceleration is zero")
+        found += describe_zeros({ANGLE: self.zero()}, "where the lateral acceleration is zero")
         if TORQUE not in self._recording.channels:
             found.append("the hand torque is that of the torsion bar")
         if AY not in self._recording.channels and YAW in self._recording.channels:
@@ -143,7 +143,7 @@ class Road:
         if self._recording.units[name] != unit:
             raise RefusedError(f"{name} is in {self._recording.units[name]!r}: give it in {unit!r}")
         try:
-            _, weight, _ = even(self._recording, {name: name})
+            _, weight, _ = uniform_samples(self._recording, {name: name})
         except ValueError as error:
             raise RefusedError(str(error)) from None
         values = smoothed(at_instants(self._recording, name, self.drive.time), self.drive.dt)
@@ -158,7 +158,7 @@ class Road:
         except RefusedError:
             return 0.0
         near = known & (self.drive.weight > 0.0) & (np.abs(a) <= 2.0 * WINDOW[AY])
-        if near.sum() * self.drive.dt < BLOCK:
+        if near.sum() * self.drive.dt < BLOCK_LENGTH:
             return 0.0
         return float(np.polyfit(a[near], self.drive.angle[near], 1)[1])
 
@@ -197,7 +197,7 @@ class Road:
         """The terms of (R1) without friction, (T, 5 or 6); k and k_3 come first."""
         u, v = self._channel(x)[0] / WINDOW[x], self.drive.speed
         found = [u, u**3, np.ones_like(u), self._hands]
-        if np.std(v[used]) > HELD * v[used].mean():  # else the term would be none, or one with k
+        if np.std(v[used]) > HELD_SPEED_DEVIATION * v[used].mean():  # else the term would be none, or one with k
             found.append(u * (v / v[used].mean() - 1.0))
         return np.column_stack(found)
 
@@ -211,14 +211,14 @@ class Road:
             )
         used = self._used(x, speeds)
         where = f" at {speeds[0]} to {speeds[1]} km/h" if speeds else ""
-        blocks = [block for block in self.blocks if used[block].sum() * self.drive.dt >= LEAST]
+        blocks = [block for block in self.blocks if used[block].sum() * self.drive.dt >= LEAST_TIME_IN_WINDOW]
         if len(blocks) < FEWEST_BLOCKS:
             raise RefusedError(
-                f"{len(blocks)} blocks of the drive have {LEAST:g} s or more{where} within the window of {x}, and "
-                f"{FEWEST_BLOCKS} are needed: record a longer drive"
+                f"{len(blocks)} blocks of the drive have {LEAST_TIME_IN_WINDOW:g} s or more{where} within the window "
+                f"of {x}, and {FEWEST_BLOCKS} are needed: record a longer drive"
             )
         u = self._channel(x)[0][used] / WINDOW[x]
-        if min(np.mean(u > 0.5), np.mean(u < -0.5)) < BEYOND:
+        if min(np.mean(u > 0.5), np.mean(u < -0.5)) < LEAST_OUTER_SHARE:
             size = {ANGLE: f"{0.5 * WINDOW[ANGLE] / DEGREE:g} deg", AY: f"{0.5 * WINDOW[AY] / G:g} g"}[x]
             raise RefusedError(
                 f"{x} is seldom beyond {size} to the left and to the right{where}: drive bends both ways"
@@ -287,10 +287,10 @@ class Road:
 
 
 def _blocks(used: Mask, dt: float) -> list[slice]:
-    """Blocks of about ``BLOCK`` of the samples (T,) that are used, none across a gap."""
+    """Blocks of about ``BLOCK_LENGTH`` of the samples (T,) that are used, none across a gap."""
     found: list[slice] = []
-    for first, last in runs(used):
-        count = round((last - first) * dt / BLOCK)
+    for first, last in true_runs(used):
+        count = round((last - first) * dt / BLOCK_LENGTH)
         ends = np.linspace(first, last, count + 1).round().astype(int) if count else np.zeros(0, int)
         found += [slice(i, j) for i, j in pairwise(ends)]
     return found

@@ -12,7 +12,7 @@ import numpy as np
 from scipy import special
 
 from steer_env.metrics.common import events, noise
-from steer_env.metrics.common.confidence import LEVEL
+from steer_env.metrics.common.confidence import CONFIDENCE_LEVEL
 from steer_env.metrics.common.definitions import Bounded, RefusedError, metric, register_evaluation
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE, YAW, FilteredChannels
 from steer_env.metrics.common.kept import kept
@@ -35,7 +35,7 @@ class HalfWaves:
         centred = self.angle - (self.angle.max() + self.angle.min()) / 2
         far = np.abs(centred) > centred.max() / 4  # where a half wave stands out of the noise
         found = []
-        for i, j in (run for side in (1, -1) for run in events.runs(far & (np.sign(centred) == side))):
+        for i, j in (run for side in (1, -1) for run in events.true_runs(far & (np.sign(centred) == side))):
             if j - i >= events.FEWEST:
                 side = np.sign(centred[i])
                 found.append((*events.peak(self.time[i:j], side * centred[i:j]), side))
@@ -98,7 +98,7 @@ class HalfWaves:
         if ratios.size > 1:
             return Bounded(ratios, 0.0, 0.0)
         share = np.hypot(self._noise(name, gains), self._noise(ANGLE)) * np.sqrt(1.0 + 1.0 / bursts[0][2::2].size)
-        reach = float(special.ndtri(0.5 + 0.5 * LEVEL) * share * ratios[0])
+        reach = float(special.ndtri(0.5 + 0.5 * CONFIDENCE_LEVEL) * share * ratios[0])
         return Bounded(ratios, reach, reach)
 
     def _noise(self, name: str, gains: np.ndarray | float = 1.0) -> float:

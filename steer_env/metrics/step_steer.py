@@ -159,7 +159,7 @@ def _find(time: np.ndarray, angle: np.ndarray) -> list[Step]:
         raise RefusedError(f"{ANGLE} changes by {fastest / DEGREE:.0f} deg/s at most: step at 200 to 500 deg/s")
     each = time[1] - time[0]
     found, too_short, straight, largest = [], 0, None, 0.0
-    for i, j in events.runs(np.abs(rate) > FAST * fastest, gap=round(0.1 / each)):
+    for i, j in events.true_runs(np.abs(rate) > FAST * fastest, gap=round(0.1 / each)):
         rest = slice(max(i - round((BEFORE + 0.1) / each), 0), max(i - round(0.1 / each), 0))
         settled = angle[j + round(0.1 / each) : j + round(0.6 / each)]
         if rest.stop - rest.start < 2 or np.ptp(time[rest]) < 0.5 * BEFORE or not settled.size:

@@ -68,7 +68,7 @@ class Transitions:
         found = []
         for ramp in self.ramps:
             # A dead band may begin before the handwheel is seen to move, but the response comes after it.
-            band = ramps.within(ramp.side * (self._smooth[AY][ramp.start : ramp.end] - self._centre), *level)
+            band = ramps.rising_section(ramp.side * (self._smooth[AY][ramp.start : ramp.end] - self._centre), *level)
             if band is None:
                 raise RefusedError(
                     f"lateral_acceleration does not go from {level[0]:g} to {level[1]:g} m/s2 in every ramp: "

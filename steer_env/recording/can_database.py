@@ -28,7 +28,7 @@ from steer_env.recording.table import NO_VALUE, gaps
 
 LONGEST = 64  # signal that is read [bit]
 LARGEST = 1e30  # number of a database [unit of its signal]
-FEW = 16  # most names of a signal whose last raw values, where they have names, are codes; assumed [1]
+MOST_NAMED_VALUES = 16  # most names of a signal whose last raw values, where they have names, are codes; assumed [1]
 # Words of a name that say there is no value, in any signal; and those that also may be a state, as of a switch.
 INVALID = (
     r"invalid|not valid|unknown|undefin\w*|sna|n a|not avail\w*|unavailable|no data\w*|no signal|no value|missing|"
@@ -141,8 +141,8 @@ class Column(NamedTuple):
         bits, as a gear or a switch has, and names for more than the last raw values of a byte), these are names such as
         "Invalid", "SNA", "Not available", "Unknown"; all other names are those of states, and stay numbers. In a signal
         that measures, they are also names such as "Error", "Fault", "Init", "Reserved", and, where it has no more than
-        ``FEW`` names, any name of raw values that are the last ones of its bits, as 255 and 254 of eight; any other
-        name, as 0 "Straight", is that of a value.
+        ``MOST_NAMED_VALUES`` names, any name of raw values that are the last ones of its bits, as 255 and 254 of eight;
+        any other name, as 0 "Straight", is that of a value.
         """
         signal = self.signal
         lowest, highest = _raw_range(signal)
@@ -161,7 +161,7 @@ class Column(NamedTuple):
         states = (plain and not counts) or len(names) > highest - lowest
         words = rf"\b({INVALID if states else f'{INVALID}|{NO_READING}'})( ?\d+)?\b"
         codes = {raw for raw, name in names.items() if re.search(words, _words(name))}
-        if not states and len(names) <= FEW:
+        if not states and len(names) <= MOST_NAMED_VALUES:
             codes |= ends
         return {raw: names[raw] for raw in codes if not re.search(ORDINARY, _words(names[raw]))}
 
@@ -213,7 +213,7 @@ class Column(NamedTuple):
 
 def contains_signal(message: Message, signal: Any, data: np.ndarray, size: np.ndarray) -> np.ndarray:
     """Whether frames (F,) are long enough for a signal and its multiplexer, if it has one, selects it."""
-    there = np.asarray(size >= bytes_of(signal))
+    there = np.asarray(size >= least_frame_size(signal))
     switch = next((one for one in message.signals if one.name == signal.multiplexer_signal), None)
     if switch is None or signal.multiplexer_ids is None:
         return there
@@ -242,7 +242,7 @@ def _bit_range(signal: Any) -> tuple[int, int, int]:
     return first // 8, last // 8, 7 - last % 8
 
 
-def bytes_of(signal: Any) -> int:
+def least_frame_size(signal: Any) -> int:
     """How many bytes a frame has at least that holds a signal."""
     return _bit_range(signal)[1] + 1
 
@@ -278,7 +278,7 @@ def _j1939_codes(length: int, raw: np.ndarray) -> list[tuple[np.ndarray, str]]:
     return [(where, f"{code}{'..' * (length > 8)} ({name})") for where, code, name in (*kinds, rest)]
 
 
-def group_of(frame_id: int) -> int:
+def parameter_group(frame_id: int) -> int:
     """The parameter group of an identifier of J1939, which has the source address and the priority besides."""
     group = (frame_id >> 8) & 0x3FFFF
     return group if (group >> 8) & 0xFF >= 0xF0 else group & 0x3FF00

@@ -41,7 +41,7 @@ import numpy as np
 
 from steer_env.friction.numerics.check import did_you_mean
 from steer_env.recording import can_database, own_process
-from steer_env.recording.can_database import Message, contains_signal, group_of, identifier
+from steer_env.recording.can_database import Message, contains_signal, identifier, parameter_group
 from steer_env.recording.channel_mapping import SIGNED
 from steer_env.recording.table import (
     MOST_DOUBLED,
@@ -50,8 +50,8 @@ from steer_env.recording.table import (
     Column,
     Table,
     Values,
-    between,
     in_common,
+    interpolate_between,
     last_of_each_time,
     tell,
 )
@@ -66,7 +66,7 @@ MDF = (".mf4", ".mdf")
 BUS = ("CAN_", "LIN_")  # begin the names of channels with the frames of a bus in an MDF file
 FRAMES = "CAN_DataFrame"  # channel of an MDF file with raw frames
 RELATIVE = re.compile(r"\s*base\s+\w+\s+timestamps\s+relative", re.IGNORECASE)
-BLOCK = re.compile(r"\s*begin\s*triggerblock", re.IGNORECASE)
+TRIGGER_BLOCK = re.compile(r"\s*begin\s*triggerblock", re.IGNORECASE)
 STAMP = re.compile(r"\s*(\d+\.\d+)\s")
 METHOD = "linear interpolation between the frames before and after each instant, at a uniform rate"
 
@@ -141,7 +141,7 @@ def open_table(path: str | PathLike[str], options: Options, sources: Sequence[st
     ValueError
         Without the packages or a database, or if a database or a source cannot be read.
     """
-    paths = paths_of(options.dbc)
+    paths = database_paths(options.dbc)
     if not paths:
         raise ValueError("a CAN log holds raw frames: give the DBC that says what is in them, --dbc car.dbc")
     signals, left = can_database.load(paths)
@@ -177,7 +177,7 @@ def open_table(path: str | PathLike[str], options: Options, sources: Sequence[st
     return Table(columns, meta, False, load)
 
 
-def paths_of(dbc: str | PathLike[str] | Sequence[str | PathLike[str]]) -> Sequence[str | PathLike[str]]:
+def database_paths(dbc: str | PathLike[str] | Sequence[str | PathLike[str]]) -> Sequence[str | PathLike[str]]:
     """The databases as several, where one may be given alone."""
     return (dbc,) if isinstance(dbc, str | PathLike) else dbc
 
@@ -245,7 +245,10 @@ def _load(
     meta["can"] |= {"notes": list(dict.fromkeys(notes))} if notes else {}
     return [
         base,
-        *(between(base, *placed[k], LONGEST_STEP) if k in placed else str(one) for k, one in enumerate(found)),
+        *(
+            interpolate_between(base, *placed[k], LONGEST_STEP) if k in placed else str(one)
+            for k, one in enumerate(found)
+        ),
     ]
 
 
@@ -281,7 +284,7 @@ def _signal(
                 if code.startswith("beyond") and 2 * count > np.count_nonzero(held)
             ]
             counted += [f"{count} of {part.label} have {code}" for code, count in codes.items()]
-    least = max(can_database.bytes_of(part.signal) for part in column.parts)
+    least = max(can_database.least_frame_size(part.signal) for part in column.parts)
     short = np.count_nonzero(size < least)
     if np.unique(time[there]).size < 2:
         lacking = f"; it needs {least} bytes, of which they have {size.max()}" if short else ""
@@ -303,8 +306,8 @@ def _raw(entry: can_database.Column, log: Log, known: set[tuple[int, bool]], not
     """The frames of a signal's message, or why there are none; for J1939 also those from another source address."""
     message = entry.message
     raw = log.frames.get(message.key)
-    group, own = group_of(message.frame_id), f"0x{message.frame_id & 0xFF:02X}"
-    others = [key for key in log.frames if key not in known and key[1] and group_of(key[0]) == group]
+    group, own = parameter_group(message.frame_id), f"0x{message.frame_id & 0xFF:02X}"
+    others = [key for key in log.frames if key not in known and key[1] and parameter_group(key[0]) == group]
     if raw is None and entry.is_j1939 and others:
         sources = ", ".join(f"0x{frame_id & 0xFF:02X} ({identifier(frame_id, True)})" for frame_id, _ in others)
         if len(others) > 1:
@@ -333,9 +336,9 @@ def _read_frames(path: Any, options: Options, wanted: list[can_database.Column])
     """The frames of the wanted signals' messages, and those of their groups for J1939."""
     widths: dict[Any, int] = {}
     for entry in wanted:
-        keys = (entry.message.key, *([group_of(entry.message.frame_id)] if entry.is_j1939 else ()))
+        keys = (entry.message.key, *([parameter_group(entry.message.frame_id)] if entry.is_j1939 else ()))
         for key in keys:
-            widths[key] = max(widths.get(key, 0), *map(can_database.bytes_of, entry.message.signals))
+            widths[key] = max(widths.get(key, 0), *map(can_database.least_frame_size, entry.message.signals))
     frames: dict[tuple[int, bool], Raw] = {}
     seen: Counter[tuple[int, bool]] = Counter()
     start = None
@@ -346,8 +349,8 @@ def _read_frames(path: Any, options: Options, wanted: list[can_database.Column])
             continue
         key = (frame_id, extended)
         seen[key] += 1
-        if seen[key] == 1 and (key in widths or (extended and group_of(frame_id) in widths)):
-            frames[key] = Raw(widths.get(key) or widths[group_of(frame_id)])
+        if seen[key] == 1 and (key in widths or (extended and parameter_group(frame_id) in widths)):
+            frames[key] = Raw(widths.get(key) or widths[parameter_group(frame_id)])
         if raw := frames.get(key):
             raw.take(number, time, str(bus), data)
     if start is None or not seen:
@@ -401,7 +404,7 @@ def _absolute(file: Any) -> Iterator[str]:
     with closing(file):
         for line in file:
             relative = relative or bool(RELATIVE.match(line))
-            if relative and not head and BLOCK.match(line):
+            if relative and not head and TRIGGER_BLOCK.match(line):
                 raise ValueError("another trigger block begins, and relative stamps do not say when")
             stamp = STAMP.match(line)
             if stamp and head:

@@ -48,11 +48,11 @@ FRICTION = {
     "friction": ("N m", "N"),
     "load": ("N", "N m"),
 }
-OWN = "own_"  # begins the names of further channels, which no metric reads; they need a unit
+OWN_PREFIX = "own_"  # begins the names of further channels, which no metric reads; they need a unit
 
 SIGNED = " signed by "  # between the names of a magnitude and of the signal of its sign
 
-_KEYS = ("from", "unit", "sign", "delay_ms", "offset", "scale", "sign_from")
+_ENTRY_KEYS = ("from", "unit", "sign", "delay_ms", "offset", "scale", "sign_from")
 _TIME_KEYS = ("from", "unit")
 
 
@@ -126,7 +126,7 @@ def from_data(data: dict[str, Any]) -> Mapping:
 def entry(name: str, given: Any) -> Entry:
     """An entry from the keys of its section; a ValueError names the wrong key and what is allowed there."""
     where = f"channels.{name}"
-    allowed = _TIME_KEYS if name == "time" else _KEYS
+    allowed = _TIME_KEYS if name == "time" else _ENTRY_KEYS
     if not isinstance(given, dict):
         raise ValueError(f"{where} must hold keys and values ({', '.join(allowed)}), got {given!r}")
     for key in given:
@@ -137,8 +137,8 @@ def entry(name: str, given: Any) -> Entry:
             raise ValueError(f"{where}.{key} must be text, got {given[key]!r}")
     source, unit, sign = given.get("from") or name, given.get("unit"), given.get("sign", 1)
     known = (*KNOWN, *FRICTION)
-    if name not in known and name != "time" and not (name.startswith(OWN) and unit is not None):
-        hint = f"{did_you_mean(name, known)} (a channel of your own begins with {OWN} and has a unit)"
+    if name not in known and name != "time" and not (name.startswith(OWN_PREFIX) and unit is not None):
+        hint = f"{did_you_mean(name, known)} (a channel of your own begins with {OWN_PREFIX} and has a unit)"
         raise ValueError(f"{where}: no channel is known as {name!r}, {hint}")
     if unit is not None:
         _check_unit(where, name, unit)
@@ -166,7 +166,9 @@ def parse_entry(text: str) -> Entry:
     for setting in settings:
         key, equals, value = (part.strip() for part in setting.partition("="))
         if not equals or key in given:
-            raise ValueError(f"{text!r}: expected each of key=value once ({', '.join(_KEYS[1:])}), got {setting!r}")
+            raise ValueError(
+                f"{text!r}: expected each of key=value once ({', '.join(_ENTRY_KEYS[1:])}), got {setting!r}"
+            )
         given[key] = value if key in ("from", "unit", "sign_from") else read_number(value)
     try:
         return entry(name, given)

@@ -31,7 +31,7 @@ COMPRESSED = ".csv.gz"  # end of the name of a file that gzip has made smaller, 
 LONGEST_PREAMBLE = 50  # lines of a file among which its header is
 APPENDED = "appended"  # key of the meta of a file that grew while it was recorded, see `steer_env.live.drive.log`
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f]")  # characters that no table has
-_BLOCK = 10_000  # rows that are converted to text at a time, which limits the memory
+_BLOCK_ROWS = 10_000  # rows that are converted to text at a time, which limits the memory
 
 
 SEPARATORS = {".": ",", ",": ";"}  # decimal sign -> what separates columns then
@@ -47,8 +47,8 @@ def save(
     """Write the channels (name, unit in memory, values in file units); every number is read back unchanged."""
     separator = SEPARATORS[decimal]
     file.write(head([(name, unit) for name, unit, _ in channels], meta, separator))
-    for start in range(0, time.size, _BLOCK):
-        rows = np.column_stack([values[start : start + _BLOCK] for values in (time, *(v for _, _, v in channels))])
+    for start in range(0, time.size, _BLOCK_ROWS):
+        rows = np.column_stack([values[start : start + _BLOCK_ROWS] for values in (time, *(v for _, _, v in channels))])
         text = "".join([separator.join(map(repr, row)) + "\n" for row in rows.tolist()])
         file.write(text.replace(".", decimal).encode())
 

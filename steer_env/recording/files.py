@@ -131,7 +131,7 @@ def _source_words(path: str | os.PathLike[str], can: can_log.Options | None) -> 
     """A file in messages, with the databases that a CAN log is read with."""
     if can is None or not can.dbc or not can_log.is_can_log(path, can):
         return str(path)
-    return f"{path} with {', '.join(map(str, can_log.paths_of(can.dbc)))}"
+    return f"{path} with {', '.join(map(str, can_log.database_paths(can.dbc)))}"
 
 
 def open_file(path: str | os.PathLike[str], can: can_log.Options | None = None, sources: Sequence[str] = ()) -> Table:

@@ -26,7 +26,7 @@ class Scales(NamedTuple):
     distance: float  # pre-sliding distance x_c of a branch 1 - 2 exp(-x/x_c) with the same zero [unit of displacement]
 
 
-def turns(x: Array) -> NDArray[np.intp]:
+def find_reversals(x: Array) -> NDArray[np.intp]:
     """Samples of the reversals, in order."""
     from scipy.signal import find_peaks  # here, because its import takes longer than the start of an environment
 
@@ -80,7 +80,7 @@ def sign(x: Array, friction: Array) -> float:
 
 def check_columns(x: Array, friction: Array) -> None:
     """ValueError where friction rises ever steeper after a reversal, as a displacement over friction does."""
-    at = turns(x)
+    at = find_reversals(x)
     shares = []
     for a, b in pairwise(at):
         way = np.abs(x[a : b + 1] - x[a])
@@ -102,7 +102,7 @@ def drift(t: Array, x: Array, friction: Array) -> tuple[float, float]:
     Zero where the record has fewer than three loops, where the slope is within three standard errors, or where its two
     halves do not agree.
     """
-    at = turns(x)
+    at = find_reversals(x)
     ends = at[::2]
     if ends.size < 4:
         return 0.0, 0.0
@@ -133,7 +133,7 @@ def scales(x: Array, friction: Array) -> Scales:
     against = moving(x) * T
     sliding = against[against > 0.0]
     distances = []
-    at = turns(x)
+    at = find_reversals(x)
     for a, b in pairwise(at):
         side = np.sign(x[b] - x[a])
         branch = side * T[a : b + 1]

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from steer_env.friction import defaults, fitted_file
-from steer_env.friction.identification.displacement import deviation_of, motion_of
+from steer_env.friction.identification.displacement import displacement_noise, smoothed_motion
 from steer_env.friction.identification.quality import DRIFT, clipped
 from steer_env.friction.numerics.check import not_negative, positive
 from steer_env.recording import friction_checks as checks
@@ -80,7 +80,7 @@ class FrictionRecord:
     @cached_property
     def motion(self) -> Array:
         """The displacement (T,) without its noise; itself where the noise is too small to matter."""
-        return motion_of(self.x, deviation_of(self.x))
+        return smoothed_motion(self.x, displacement_noise(self.x))
 
     @property
     def of_a_column(self) -> bool:
@@ -213,7 +213,7 @@ def from_recording(
     told = ", ".join(f"{channel} = {name!r}" for channel, name in named.items() if channel != name)
     notes = (*([f"channels by their names: {told}"] if told else []), *notes)
     if not_negative("inertia", inertia):
-        sense = checks.sign(motion_of(x, deviation_of(x)), friction) if sign is None else float(sign)
+        sense = checks.sign(smoothed_motion(x, displacement_noise(x)), friction) if sign is None else float(sign)
         speed = np.gradient(low_passed("displacement", x, cutoff_hz, recording.rate), dt)
         friction = friction - sense * inertia * np.gradient(speed, dt)
         unit = "kg m2" if units["torque"] == "N m" else "kg"

@@ -56,7 +56,7 @@ TORQUES = {
     "epastorsionbartorque": 1.0,  # Tesla and Rivian, 0.01 a bit in the database
 }
 AGREE = 0.5  # correlation of two channels from which on it tells their signs; assumed [1]
-CLEAR = 0.8  # likeness of a name from which on it tells what a column is; assumed [1]
+LEAST_LIKENESS = 0.8  # likeness of a name from which on it tells what a column is; assumed [1]
 
 
 def text(
@@ -111,7 +111,7 @@ def _block(
     A column without a unit is no guess, as another quantity or a sensor's counts may stand in it.
     """
     own = _spell_unit(offered[0]) if offered and offered[0].known else None
-    off = "" if own and (name == "time" or _likeness(offered[0], name) >= CLEAR) else "# "
+    off = "" if own and (name == "time" or _likeness(offered[0], name) >= LEAST_LIKENESS) else "# "
     lines = [f"{'# ' if k else off}from = {_quote(entry.label)}  # {found[entry]}" for k, entry in enumerate(offered)]
     lines = [f"{off}[channels.{name}]", *(lines or ['# from = ""'])]
     if offered and offered[0].sign:
@@ -158,7 +158,7 @@ def _similar_columns(columns: list[Column], channels: Mapping[str, tuple[str, ..
         fitting = [name for name, units in channels.items() if known is None or known[0] in units]
         alike = {name: _likeness(column, name) for name in fitting}
         best = max(alike, key=lambda name: alike[name], default=None)
-        if best is not None and (known is not None or alike[best] >= CLEAR):
+        if best is not None and (known is not None or alike[best] >= LEAST_LIKENESS):
             ranked[best].append((alike[best], column))
     return {name: [column for _, column in sorted(pairs, key=lambda pair: -pair[0])] for name, pairs in ranked.items()}
 

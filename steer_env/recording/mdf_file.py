@@ -27,17 +27,17 @@ from steer_env.recording.table import (
     Column,
     Table,
     Values,
-    between,
     column,
     gaps,
     in_common,
+    interpolate_between,
     last_of_each_time,
     meta_in,
 )
 from steer_env.recording.units import file_unit
 
 TIME = 1  # sync type of a master channel that is the time; other types are angle, distance and index
-KIND = "an MDF file"
+FILE_KIND = "an MDF file"
 LONGEST_STEP = 1.5  # between two samples of a channel without a gap, in median steps of it [1]
 
 # What a formula of an algebraic conversion may hold, with ^ for powers. A log is refused: numexpr takes it for natural,
@@ -89,10 +89,10 @@ def open_table(path: str | PathLike[str]) -> Table:
     """
     own_process.require("asammdf", "MDF files", "mdf")
     file = os.fspath(path)
-    columns, places, meta = own_process.read(KIND, _contents, file)
+    columns, places, meta = own_process.read(FILE_KIND, _contents, file)
 
     def load(chosen: Sequence[int]) -> list[Values]:
-        signals = own_process.read(KIND, _signals, file, [places[k] for k in chosen]) if chosen else []
+        signals = own_process.read(FILE_KIND, _signals, file, [places[k] for k in chosen]) if chosen else []
         return _on_one_time(meta, [columns[k].label for k in chosen], signals)
 
     return Table(columns, meta, False, load)
@@ -250,5 +250,5 @@ def _on_one_time(meta: dict[str, Any], labels: list[str], signals: list[Signal])
     time = time[(time >= begin) & (time <= end)]
     for k, label in enumerate(labels):
         if label in own and not np.array_equal(own[label], time):
-            values[k] = between(time, own[label], np.asarray(values[k]), LONGEST_STEP)
+            values[k] = interpolate_between(time, own[label], np.asarray(values[k]), LONGEST_STEP)
     return [time, *values]

@@ -178,7 +178,7 @@ def in_common(times: Mapping[str, np.ndarray]) -> tuple[float, float]:
     return begin, end
 
 
-def between(at: np.ndarray, time: np.ndarray, values: np.ndarray, longest: float) -> np.ndarray:
+def interpolate_between(at: np.ndarray, time: np.ndarray, values: np.ndarray, longest: float) -> np.ndarray:
     """Values on the straight lines between samples; NaN beside one that is no value, and in gaps.
 
     A gap is where two samples are more than ``longest`` of the channel's median steps apart [1].

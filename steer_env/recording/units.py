@@ -67,7 +67,7 @@ _OTHERS = {
     "-": ("1", 1.0),
 }
 # Names in databases of Volkswagen's CAN, in the same form.
-_NAMES = {
+_DATABASE_NAMES = {
     "Unit/DegreOfArc": ("rad", DEGREE),
     "Unit/DegreOfArcPerSecon": ("rad/s", DEGREE),
     "Unit/NewtoMeter": ("N m", 1.0),
@@ -89,7 +89,7 @@ SPELLINGS = ", ".join(_SPELLINGS)  # for messages
 def parse_unit(text: str) -> tuple[str, float] | None:
     """Unit in memory of a spelling such as "deg/s", "°/s", "deg_s" or "N*m", and the value of one; None if unknown."""
     plain = _normalise(text)
-    return _SPELLINGS.get(plain) or _NAMES.get(plain) or _SPELLINGS.get(_ANY_CASE.get(plain.lower(), ""))
+    return _SPELLINGS.get(plain) or _DATABASE_NAMES.get(plain) or _SPELLINGS.get(_ANY_CASE.get(plain.lower(), ""))
 
 
 def spellings(unit: str | None) -> str:

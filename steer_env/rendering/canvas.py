@@ -17,7 +17,7 @@ from steer_env.friction.numerics.extras import install
 Colour = tuple[int, int, int]
 Box = tuple[int, int, int, int]  # left, top, width, height
 
-FINE = 2  # shapes are drawn larger by this factor and scaled down: pygame has no antialiased polygons
+SUPERSAMPLING = 2  # shapes are drawn larger by this factor and scaled down: pygame has no antialiased polygons
 _RGB = (0xFF, 0xFF00, 0xFF0000, 0)  # bit masks of red, green and blue in the order of an array's bytes
 
 
@@ -55,7 +55,7 @@ class Canvas:
     def __init__(self, width: int, height: int) -> None:
         self._pygame = pygame = _pygame()
         self.width, self.height = width, height
-        self._fine = pygame.Surface((FINE * width, FINE * height), 0, 32)
+        self._fine = pygame.Surface((SUPERSAMPLING * width, SUPERSAMPLING * height), 0, 32)
         self._picture = pygame.Surface((width, height), 0, 32)
         self._bytes = pygame.Surface((width, height), 0, 24, _RGB)
         self._fields: list[Box] = []
@@ -81,31 +81,33 @@ class Canvas:
 
     def field(self, box: Box, colour: Colour) -> None:
         """Begin a field: all later shapes are clipped to this box."""
-        left, top, width, height = (FINE * value for value in box)
+        left, top, width, height = (SUPERSAMPLING * value for value in box)
         self._fields.append(box)
         self._fine.set_clip((left, top, width, height))
         self._fine.fill(colour)
 
     def polygon(self, points: ArrayLike, colour: Colour) -> None:
         """A filled polygon (N, 2)."""
-        self._pygame.draw.polygon(self._fine, colour, (FINE * np.asarray(points)).tolist())
+        self._pygame.draw.polygon(self._fine, colour, (SUPERSAMPLING * np.asarray(points)).tolist())
 
     def lines(self, points: ArrayLike, colour: Colour, width: float = 1.0) -> None:
         """A line through points (N, 2)."""
-        points = FINE * np.asarray(points)
+        points = SUPERSAMPLING * np.asarray(points)
         if len(points) > 1:
-            self._pygame.draw.lines(self._fine, colour, False, points.tolist(), max(1, round(FINE * width)))
+            self._pygame.draw.lines(self._fine, colour, False, points.tolist(), max(1, round(SUPERSAMPLING * width)))
 
     def segments(self, starts: ArrayLike, ends: ArrayLike, colour: Colour, width: float = 1.0) -> None:
         """Straight lines between points (N, 2) each."""
-        wide = max(1, round(FINE * width))
-        for start, end in zip((FINE * np.asarray(starts)).tolist(), (FINE * np.asarray(ends)).tolist()):
+        wide = max(1, round(SUPERSAMPLING * width))
+        for start, end in zip(
+            (SUPERSAMPLING * np.asarray(starts)).tolist(), (SUPERSAMPLING * np.asarray(ends)).tolist()
+        ):
             self._pygame.draw.line(self._fine, colour, start, end, wide)
 
     def circle(self, centre: Sequence[float], radius: float, colour: Colour, width: float = 0.0) -> None:
         """A circle; filled if the line width is zero. The line lies inside the radius."""
-        place = [FINE * float(value) for value in centre]
-        self._pygame.draw.circle(self._fine, colour, place, FINE * radius, round(FINE * width))
+        place = [SUPERSAMPLING * float(value) for value in centre]
+        self._pygame.draw.circle(self._fine, colour, place, SUPERSAMPLING * radius, round(SUPERSAMPLING * width))
 
     def arc(
         self, centre: Sequence[float], radius: float, start: float, end: float, colour: Colour, width: float
@@ -113,7 +115,7 @@ class Canvas:
         """A band around a radius from one angle to another, from twelve o'clock counter-clockwise [rad]."""
         angles = np.linspace(start, end, 2 + int(30.0 * abs(end - start)))
         radii = np.repeat([radius - 0.5 * width, radius + 0.5 * width], angles.size)
-        self.polygon(around(centre, radii, np.concatenate([angles, angles[::-1]])), colour)
+        self.polygon(polar_points(centre, radii, np.concatenate([angles, angles[::-1]])), colour)
 
     def text(
         self, words: str, place: Sequence[float], colour: Colour, size: int = 13, bold: bool = False, align: float = 0.0
@@ -145,7 +147,9 @@ class Canvas:
 
     def _finished(self) -> Any:
         for left, top, width, height in self._fields:
-            fine = self._fine.subsurface((FINE * left, FINE * top, FINE * width, FINE * height))
+            fine = self._fine.subsurface(
+                (SUPERSAMPLING * left, SUPERSAMPLING * top, SUPERSAMPLING * width, SUPERSAMPLING * height)
+            )
             part = self._picture.subsurface((left, top, width, height))
             self._pygame.transform.smoothscale(fine, (width, height), part)
         self._picture.blits(self._texts, False)
@@ -220,7 +224,7 @@ class Canvas:
             self._pygame.display.quit()
 
 
-def around(centre: Sequence[float], radius: ArrayLike, angle: ArrayLike) -> NDArray[np.float64]:
+def polar_points(centre: Sequence[float], radius: ArrayLike, angle: ArrayLike) -> NDArray[np.float64]:
     """Points (N, 2) at radii from a centre and at angles from twelve o'clock, counter-clockwise [rad]."""
     angle = np.asarray(angle, float)
     return np.asarray(centre, float) - (np.array([np.sin(angle), np.cos(angle)]) * np.asarray(radius, float)).T

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from steer_env.courses.iso3888 import Footprint
-from steer_env.rendering.canvas import Box, Canvas, Colour, around, mix, nice_step
+from steer_env.rendering.canvas import Box, Canvas, Colour, mix, nice_step, polar_points
 from steer_env.rendering.view import View, rotate
 from steer_env.vehicle.cars import Car
 
@@ -167,14 +167,14 @@ def dial(
     canvas.circle(centre, 78.0, INK, 10.0)
     for turn, half in ((0.5 * math.pi, 5.0), (math.pi, 6.0), (-0.5 * math.pi, 5.0)):  # spokes
         along, across = (
-            around((0.0, 0.0), 72.0, angle + turn),
-            around((0.0, 0.0), half, angle + turn + 0.5 * math.pi),
+            polar_points((0.0, 0.0), 72.0, angle + turn),
+            polar_points((0.0, 0.0), half, angle + turn + 0.5 * math.pi),
         )
         canvas.polygon(np.array([across, along + across, along - across, -across]) + centre, INK)
     canvas.circle(centre, 21.0, INK)
     canvas.arc(centre, 73.0, angle - 0.12, angle + 0.12, PANEL, 5.0)  # the mark at the top of the rim
     if wanted is not None:
-        canvas.polygon(around(centre, [67.0, 52.0, 52.0], np.array([0.0, 0.13, -0.13]) + wanted), WANTED)
+        canvas.polygon(polar_points(centre, [67.0, 52.0, 52.0], np.array([0.0, 0.13, -0.13]) + wanted), WANTED)
     for radius, arc in zip((92.0, 109.0), arcs):
         _draw_arc(canvas, centre, radius, arc.value / arc.full, arc.colour)
     right = left + width - 16
@@ -195,8 +195,8 @@ def _draw_arc(canvas: Canvas, centre: tuple[float, float], radius: float, part: 
     end = _FULL_ARC * part
     head = math.copysign(min(0.16, abs(end)), end)
     canvas.arc(centre, radius, 0.0, end - head, colour, 6.0)
-    canvas.polygon(around(centre, radius + np.array([-6.5, 6.5, 0.0]), [end - head, end - head, end]), colour)
-    canvas.lines(around(centre, [radius - 6.0, radius + 6.0], [0.0, 0.0]), MUTED)
+    canvas.polygon(polar_points(centre, radius + np.array([-6.5, 6.5, 0.0]), [end - head, end - head, end]), colour)
+    canvas.lines(polar_points(centre, [radius - 6.0, radius + 6.0], [0.0, 0.0]), MUTED)
 
 
 def loop(

@@ -33,14 +33,16 @@ ROAD, DIAL, LOOP = (14, 62, 430, 464), (458, 62, 488, 226), (458, 302, 488, 224)
 HISTORY, SPACING = 10.0, 0.01  # length of trace and loop, time between their points [s]
 
 # Channels that are kept for every point of trace and loop, in SI.
-_NAMES = (
+_CHANNEL_NAMES = (
     "x", "y", "yaw_angle", "handwheel_angle", "handwheel_torque", "motor_torque", "lateral_acceleration",
     "road_wheel_angle_left", "road_wheel_angle_right",
 )  # fmt: skip
-_PLACES = [CHANNEL[name] for name in _NAMES]
-_X, _Y, _YAW, _ANGLE, _TORQUE, _MOTOR, _ACCELERATION, _LEFT, _RIGHT = range(len(_NAMES))
-_REFERENCE = len(_NAMES)  # place beside them of the hand torque that the task wants; NaN where it wants none [N m]
-_SHOWN = [_ANGLE, _TORQUE, _MOTOR]
+_PLACES = [CHANNEL[name] for name in _CHANNEL_NAMES]
+_X, _Y, _YAW, _ANGLE, _TORQUE, _MOTOR, _ACCELERATION, _LEFT, _RIGHT = range(len(_CHANNEL_NAMES))
+_REFERENCE = len(
+    _CHANNEL_NAMES
+)  # place beside them of the hand torque that the task wants; NaN where it wants none [N m]
+_HISTORY_PLACES = [_ANGLE, _TORQUE, _MOTOR]
 
 _VIEW_LAG = 1.0  # time constant with which the view turns with the car where there is no path [s]
 
@@ -78,8 +80,8 @@ class Renderer:
         self._forget()
 
     def _forget(self) -> None:
-        self._now = np.zeros(1 + len(_NAMES))
-        self._peaks = np.zeros(len(_SHOWN))
+        self._now = np.zeros(1 + len(_CHANNEL_NAMES))
+        self._peaks = np.zeros(len(_HISTORY_PLACES))
         self._history.clear()
         self._kept = self._shown = -math.inf  # times of the last point of the trace and of the last frame shown [s]
         self._time = self._heading = self._reward = 0.0
@@ -140,7 +142,7 @@ class Renderer:
         time = float(episode["sample"]) * SAMPLE_TIME
         self._heading += -math.expm1((self._time - time) / _VIEW_LAG) * (now[_YAW] - self._heading)
         self._now, self._time = now, time
-        np.maximum(self._peaks, np.abs(now[_SHOWN]), out=self._peaks)
+        np.maximum(self._peaks, np.abs(now[_HISTORY_PLACES]), out=self._peaks)
         if time - self._kept >= SPACING - 0.5 * SAMPLE_TIME:
             self._history.append(now)
             self._kept = time

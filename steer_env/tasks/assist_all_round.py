@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from steer_env import manoeuvres
 from steer_env.friction.numerics.kernel import kernel
-from steer_env.manoeuvres.release import FREE, HELD, RISE
+from steer_env.manoeuvres.release import FREE_TIME, HOLD_TIME, RISE_TIME
 from steer_env.tasks import assist_lane_change, assist_parking, assist_release, assist_weave
 from steer_env.tasks.common import cones, scripted
 from steer_env.tasks.common.definition import (
@@ -33,12 +33,12 @@ from steer_env.vehicle.plant import CHANNEL
 Array = NDArray[np.float64]
 
 WEAVE, RELEASE, PARKING, LANE_CHANGE = range(4)
-PARTS = (assist_weave.TASK, assist_release.TASK, assist_parking.TASK, assist_lane_change.TASK)
+SCENARIO_TASKS = (assist_weave.TASK, assist_release.TASK, assist_parking.TASK, assist_lane_change.TASK)
 SPEEDS = ((30.0, 180.0), (30.0, 180.0), (0.0, 0.0), (60.0, 85.0))  # held, lowest and highest of each scenario [km/h]
 # Of the release: handwheel angles that are held, 0.24 rad is 2 m/s2 at 100 km/h on the compact car [rad], and the angle
 # at which the quality of the return is 71 %, assumed [rad].
 LOW, HIGH, ANGLE_SCALE = 0.1, 0.5, 0.05
-RELEASE_TIME = RISE + HELD  # [s]
+RELEASE_TIME = RISE_TIME + HOLD_TIME  # [s]
 FULL_ANGLES = 100.0 / 3.6  # speed above which angles shrink with it, as the car then answers more strongly [m/s]
 
 _ANGLE, _SPEED, _TORQUE = (CHANNEL[name] for name in ("handwheel_angle", "handwheel_speed", "handwheel_torque"))
@@ -59,7 +59,7 @@ def _draw_scenario(rng: np.random.Generator, options: Mapping[str, float]) -> tu
 
 
 def _release(amplitude: float) -> EpisodeSetup:
-    motion = scripted.hand_motion(manoeuvres.make("release"), amplitude, RELEASE_TIME + FREE)
+    motion = scripted.hand_motion(manoeuvres.make("release"), amplitude, RELEASE_TIME + FREE_TIME)
     return EpisodeSetup(motion, release_time=RELEASE_TIME)
 
 
@@ -72,12 +72,12 @@ def _draw_setup(rng: np.random.Generator, context: EpisodeContext, options: Mapp
         setup = _release(float(rng.choice((-share, share)) * rng.uniform(LOW, HIGH)))
         rng.random(2)  # which a seed's sensor noise comes after
     else:
-        setup = PARTS[context.scenario].draw_setup(rng, context, own)
+        setup = SCENARIO_TASKS[context.scenario].draw_setup(rng, context, own)
     data = np.zeros(0) if setup.data is None else setup.data
     given = np.zeros((len(setup.scripted_inputs), len(scripted.HANDS)))
     given[:, : setup.scripted_inputs.shape[1]] = setup.scripted_inputs
     return setup._replace(
-        scripted_inputs=given, data=np.append(context.scenario, data), robot=PARTS[context.scenario].robot
+        scripted_inputs=given, data=np.append(context.scenario, data), robot=SCENARIO_TASKS[context.scenario].robot
     )
 
 
@@ -108,7 +108,7 @@ def _evaluate(parameters, channels, observations, data, step, memory, rewards, c
     touched = cones.newly_touched(channels, data[1:], memory)
     metrics.cones_hit = touched
     costs.cones += touched
-    return cones.outcome_of(parameters, channels, observations, data[1:])
+    return cones.course_outcome(parameters, channels, observations, data[1:])
 
 
 def _scenery(channels: Array, observations: Array, data: Array, memory: Array) -> Scenery:
@@ -145,12 +145,13 @@ TASK = register(
         draw_scenario=_draw_scenario,
         begins=(
             "An episode is that of AssistWeave, AssistParking or AssistLaneChange, with their courses and motions, or "
-            f"a release: a robot turns the handwheel to {LOW:g} to {HIGH:g} rad, left or right, within {RISE:g} s and "
+            f"a release: a robot turns the handwheel to {LOW:g} to {HIGH:g} rad, left or right, within {RISE_TIME:g} s "
+            "and "
             f"lets go after {RELEASE_TIME:g} s. Each is as likely as the others. The held speed is drawn with it: "
             "{:g} to {:g} km/h in weave and release, where handwheel angles shrink above 100 km/h, standing in "
             "parking, and {:g} to {:g} km/h in the lane change."
         ).format(*SPEEDS[WEAVE], *SPEEDS[LANE_CHANGE]),
-        ends=f"The episode ends as that of the task that is drawn, and that of a release {FREE:g} s after it.",
+        ends=f"The episode ends as that of the task that is drawn, and that of a release {FREE_TIME:g} s after it.",
         speed=100.0 / 3.6,
         speed_range=(0.0, 70.0),
         scripted_inputs=scripted.HANDS,

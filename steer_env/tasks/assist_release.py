@@ -36,12 +36,12 @@ from steer_env.tasks.common.terms import (
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.plant import CHANNEL
 
-RISE, HELD, FREE = 1.5, 1.0, 2.5  # the robot turns the handwheel, holds it, and nobody does [s]
-RELEASE_TIME = RISE + HELD  # [s]
+RISE_TIME, HOLD_TIME, FREE_TIME = 1.5, 1.0, 2.5  # the robot turns the handwheel, holds it, and nobody does [s]
+RELEASE_TIME = RISE_TIME + HOLD_TIME  # [s]
 SPEEDS = 12.0 / 3.6, 100.0 / 3.6  # held, lowest and highest [m/s]
 ACCELERATIONS = 2.0, 4.0  # lateral, that the held angle aims at [m/s2]
 UNDERSTEER = math.radians(2.0) / 9.81  # road-wheel angle beyond the path's; 2 deg/g is usual, assumed [rad s2/m]
-MOST_ANGLE = 3.0  # of the handwheel, which a robot turns in ``RISE``; binds below some 30 km/h, assumed [rad]
+MOST_ANGLE = 3.0  # of the handwheel, which a robot turns in ``RISE_TIME``; binds below some 30 km/h, assumed [rad]
 
 # The wanted return is that of a critically damped second-order system: it starts without a jump of the speed, does not
 # overshoot, and leaves a tenth of the angle after 1.9 s. By itself a car returns more slowly at low speed, and friction
@@ -83,7 +83,7 @@ def _draw_setup(rng: np.random.Generator, context: EpisodeContext, options: Mapp
     amplitude = TASK.draw_option(rng, options, "amplitude", low, high)
     if "amplitude" not in options:
         amplitude *= side
-    motion = np.column_stack(ramp_and_hold(scripted.update_times(RELEASE_TIME + FREE), amplitude, RISE))
+    motion = np.column_stack(ramp_and_hold(scripted.update_times(RELEASE_TIME + FREE_TIME), amplitude, RISE_TIME))
     return EpisodeSetup(motion, data=np.array([amplitude]), release_time=RELEASE_TIME)
 
 
@@ -143,12 +143,12 @@ TASK = register(
         draw_setup=_draw_setup,
         begins=(
             "The car drives straight ahead at the held speed, which is drawn where neither the environment nor `reset` "
-            f"gives one. A robot turns the handwheel, left or right, within {RISE:g} s, to an angle of some "
+            f"gives one. A robot turns the handwheel, left or right, within {RISE_TIME:g} s, to an angle of some "
             f"{ACCELERATIONS[0]:g} to {ACCELERATIONS[1]:g} m/s2 but at most {MOST_ANGLE:g} rad, holds it and releases "
             f"it after {RELEASE_TIME:g} s. At a time t after the release, the wanted angle is the held one times "
             f"(1 + t/T) exp(-t/T) with T = {RETURN_TIME:g} s."
         ),
-        ends=f"The episode is truncated {FREE:g} s after the release.",
+        ends=f"The episode is truncated {FREE_TIME:g} s after the release.",
         speed=40.0 / 3.6,
         speeds=SPEEDS,
         scripted_inputs=scripted.HANDS,

@@ -25,18 +25,18 @@ USUAL = {  # sizes of channels, amid those with zero action and under a proporti
     "yaw_rate": 0.004,
     "lateral_speed": 0.007,
 }
-SCALE = math.radians(0.2)  # error at which the quality is 71 %, assumed [rad]
+ERROR_SCALE = math.radians(0.2)  # error at which the quality is 71 %, assumed [rad]
 
 
 TASK = register(
     Task(
         name="DriverOnCentre",
         summary="Make the small corrections of straight-ahead driving by hand torque, along a target of the angle.",
-        parameters=angle_following.AngleTarget(SCALE),
+        parameters=angle_following.AngleTarget(ERROR_SCALE),
         action=HAND_TORQUE._replace(scale=5.0),
         channels=DRIVER_CHANNELS,
         task_observations=angle_following.observations(0.02),
-        rewards=angle_following.rewards(SCALE),
+        rewards=angle_following.rewards(ERROR_SCALE),
         costs=COMMON_COSTS,
         metrics=angle_following.METRICS,
         draw_setup=angle_following.setup_drawer(MOVES, lambda _: LARGEST),

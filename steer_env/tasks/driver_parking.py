@@ -11,22 +11,22 @@ from steer_env.tasks.common.standstill import CREEPING, TWO_TRACK, USUAL, angle_
 from steer_env.tasks.common.terms import COMMON_COSTS, COMMON_MEMORY
 
 MOVES = angle_following.Moves(duration=24.0, number=6, fastest=5.0)
-SHARE = 0.9  # of the angle at lock that the targets reach
-SCALE = 0.2  # error at which the quality is 71 %, assumed [rad]
+LOCK_SHARE = 0.9  # of the angle at lock that the targets reach
+ERROR_SCALE = 0.2  # error at which the quality is 71 %, assumed [rad]
 
 
 TASK = register(
     Task(
         name="DriverParking",
         summary="Turn the wheels of a standing car by hand torque, along a target of the handwheel angle.",
-        parameters=angle_following.AngleTarget(SCALE),
+        parameters=angle_following.AngleTarget(ERROR_SCALE),
         action=HAND_TORQUE,
         channels=STEERING_CHANNELS,
         task_observations=angle_following.observations(2.0),
-        rewards=angle_following.rewards(SCALE),
+        rewards=angle_following.rewards(ERROR_SCALE),
         costs=COMMON_COSTS,
         metrics=angle_following.METRICS,
-        draw_setup=angle_following.setup_drawer(MOVES, lambda context: SHARE * angle_at_lock(context)),
+        draw_setup=angle_following.setup_drawer(MOVES, lambda context: LOCK_SHARE * angle_at_lock(context)),
         begins=(
             f"The car stands with its wheels straight. {MOVES.number} target angles are drawn within nine tenths of "
             "lock to lock."

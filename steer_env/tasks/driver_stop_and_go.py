@@ -37,7 +37,7 @@ LARGEST = math.radians(2.0)  # correction, assumed [rad]
 RADIUS = 400.0  # of the narrowest bend, assumed [m]
 # Error at which the quality is 71 %: three steps of the recorded angle. For three seconds at 8 m/s it moves the default
 # car aside by 3 cm; assumed [rad].
-SCALE = math.radians(0.3)
+ERROR_SCALE = math.radians(0.3)
 USUAL = {  # sizes of channels, amid those with zero action and under the angle servo
     "handwheel_angle": 0.04,
     "handwheel_speed": 0.03,
@@ -80,11 +80,11 @@ TASK = register(
     Task(
         name="DriverStopAndGo",
         summary="Turn the handwheel as a road asks in stop-and-go traffic, by hand torque, at a recorded speed.",
-        parameters=StopAndGo(SCALE),
+        parameters=StopAndGo(ERROR_SCALE),
         action=HAND_TORQUE._replace(scale=5.0),
         channels=DRIVER_CHANNELS,
         task_observations=angle_following.observations(0.02),
-        rewards=angle_following.rewards(SCALE),
+        rewards=angle_following.rewards(ERROR_SCALE),
         costs=COMMON_COSTS,
         metrics=angle_following.METRICS,
         draw_setup=_draw_setup,

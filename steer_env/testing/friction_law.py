@@ -18,12 +18,12 @@ from steer_env.friction import law, ode, resolve
 from steer_env.friction.numerics.kernel import bind
 from steer_env.testing.histories import (
     Array,
-    after,
     at_rest,
     both_signs,
     extent,
     log,
     mean_by_quadrature,
+    memory_after,
     mirror,
     moves,
     odd,
@@ -75,7 +75,7 @@ def _fall(p: Any, torque_scale: float, h: float) -> float:
     return law.law_of(p).steepest_fall(p, torque_scale, h)
 
 
-def _within(p: Any, value: float, most: float) -> float:
+def _limit_for_even(p: Any, value: float, most: float) -> float:
     """A speed or load, no larger than ``most`` for a law with even entries.
 
     Ages and temperatures have times of their own: far beyond the distances of a column in those times, an integration
@@ -90,12 +90,12 @@ def check_passivity(p: Any) -> None:
     @settings(examples, max_examples=300)
     @given(moves, steps, torque_scales, torque_scales)
     def holds(history, driven, torque_scale, other):
-        memory, w_guess = after(p, history, torque_scale), 0.0
+        memory, w_guess = memory_after(p, history, torque_scale), 0.0
         energy = law.stored_energy(p, memory)
         for S, R, h in driven:
             torque_scale, other = other, torque_scale
             S += _fall(p, torque_scale, h)
-            w_guess, T = law.step(p, torque_scale, memory, S, R, h, _within(p, w_guess, 1.0 / h))
+            w_guess, T = law.step(p, torque_scale, memory, S, R, h, _limit_for_even(p, w_guess, 1.0 / h))
             stored = law.stored_energy(p, memory)
             # T comes from R - S w, so it carries the rounding of R
             rounding = _tolerances(p).energy * (abs(R * w_guess * h) + stored + energy)
@@ -118,8 +118,8 @@ def check_odd_symmetry(p: Any) -> None:
     @examples
     @given(moves, steps, torque_scales)
     def holds(history, driven, torque_scale):
-        memory = after(p, history, torque_scale)
-        image = after(p, [(-w, h) for w, h in history], torque_scale)
+        memory = memory_after(p, history, torque_scale)
+        image = memory_after(p, [(-w, h) for w, h in history], torque_scale)
         _require_entries(p, image, mirror(p, memory), "memory")
         stored = law.stored_energy(p, memory), law.stored_energy(p, image)
         assert stored[0] == stored[1], f"the stored energy must be {stored[0]:.17g} J, found {stored[1]:.17g} J"
@@ -134,7 +134,7 @@ def check_odd_symmetry(p: Any) -> None:
             assert found == expected, f"the torque must be {expected:.17g} N m, found {found:.17g} N m"
             expected = mirror(p, rate(p, torque_scale, memory, w))
             _require_entries(p, rate(p, torque_scale, image, -w), expected, "rate of memory")
-            w_guess = _within(p, w, 1.0 / h)
+            w_guess = _limit_for_even(p, w, 1.0 / h)
 
     holds()
 
@@ -156,7 +156,7 @@ def check_rest(p: Any) -> None:
         assert found == (0.0, 0.0), f"torque and stored energy at rest must be zero, found {found}"
         _require_entries(p, memory, np.where(odd(p, memory), 0.0, memory), "memory")
 
-        memory = after(p, history, torque_scale)
+        memory = memory_after(p, history, torque_scale)
         load = law.torque(p, torque_scale, memory, 0.0)
         held = memory.copy()
         if relaxes:
@@ -194,9 +194,9 @@ def check_step_equation(p: Any) -> None:
         moves, torque_scales, log(-4, 6), both_signs(log(-9, 9)), log(-6, -2), both_signs(log(-12, 6)), torque_scales
     )
     def holds(history, before, S, R, h, w_guess, torque_scale):
-        memory = after(p, history, before)
+        memory = memory_after(p, history, before)
         S += _fall(p, torque_scale, h)
-        R, w_guess = _within(p, R, FASTEST * S), _within(p, w_guess, FASTEST)
+        R, w_guess = _limit_for_even(p, R, FASTEST * S), _limit_for_even(p, w_guess, FASTEST)
         w = law.solve(p, torque_scale, memory.copy(), S, R, h, w_guess)
         if w == 0.0:  # a set-valued law may stick anywhere between its limits from both sides
             assert law.torque(p, torque_scale, memory, -1e-300) <= R <= law.torque(p, torque_scale, memory, 1e-300)
@@ -221,7 +221,7 @@ def check_steepest_fall(p: Any) -> None:
     @settings(examples, max_examples=100 if law.law_of(p).mean_torque else 20)
     @given(moves, torque_scales, log(-4, 1.5), log(-4, -0.3), log(-6, 0), torque_scales)
     def holds(history, before, w, rise, h, torque_scale):
-        memory = after(p, history, before)
+        memory = memory_after(p, history, before)
         faster = w * (1.0 + rise)
         low, high = (_mean(p, torque_scale, memory, each, h) for each in (w, faster))
         fall = _fall(p, torque_scale, h)
@@ -233,7 +233,7 @@ def check_steepest_fall(p: Any) -> None:
         )
         S = 1.01 * fall + 1e-3
         R = S * w + low
-        guesses = 0.0, 1e-3 * w, _within(p, 1e3 * w, FASTEST), -w
+        guesses = 0.0, 1e-3 * w, _limit_for_even(p, 1e3 * w, FASTEST), -w
         found = [law.solve(p, torque_scale, memory.copy(), S, R, h, guess) for guess in guesses]
         assert_allclose(found, found[0], rtol=1e-7, atol=rounding / S)
 
@@ -243,8 +243,8 @@ def check_steepest_fall(p: Any) -> None:
 def _uncut(p: Any, before: float, torque_scale: float) -> str:
     """Which float of the memory a fall of the torque scale leaves beyond that of a slide, and what cuts it back."""
     slide = [(1.0, 100.0)]
-    left = after(p, [(1.0, 1e-12)], torque_scale, after(p, slide, before))
-    slid = after(p, slide, torque_scale)
+    left = memory_after(p, [(1.0, 1e-12)], torque_scale, memory_after(p, slide, before))
+    slid = memory_after(p, slide, torque_scale)
     beyond = np.flatnonzero(odd(p, left) & (abs(left) > 1.000001 * abs(slid)))
     if torque_scale >= before or not beyond.size:
         return ""
@@ -266,7 +266,7 @@ def check_mean_torque(p: Any) -> None:
     @given(moves, speeds, log(-5, -1), torque_scales)
     @example([(1.0, 1.0)], 0.0, 0.1, 10**0.03125)  # a slider that is at its limit but for rounding
     def holds(history, w, h, torque_scale):
-        memory = after(p, history, torque_scale)
+        memory = memory_after(p, history, torque_scale)
         if law.law_of(p).continuous:
             rest = law.rest_torque(p, torque_scale, memory, h)
             assert all(law.mean_torque(p, torque_scale, memory, zero, h)[0] == rest for zero in (0.0, -0.0))
@@ -302,10 +302,10 @@ def check_semigroup(p: Any) -> None:
     @examples
     @given(moves, torque_scales, speeds, log(-5, -1), st.floats(0.0, 1.0), torque_scales)
     def holds(history, before, w, h, part, torque_scale):
-        memory = after(p, history, before)
-        split = after(p, [(w, part * h), (w, (1.0 - part) * h)], torque_scale, memory)
+        memory = memory_after(p, history, before)
+        split = memory_after(p, [(w, part * h), (w, (1.0 - part) * h)], torque_scale, memory)
         scale = extent(p, max(before, torque_scale))  # a few roundings of the largest memory
-        whole, good = after(p, [(w, h)], torque_scale, memory), _tolerances(p).parts
+        whole, good = memory_after(p, [(w, h)], torque_scale, memory), _tolerances(p).parts
         for i in np.flatnonzero(~(abs(split - whole) <= good * abs(whole) + 0.1 * good * scale)):
             raise AssertionError(
                 f"memory[{i}] must be {whole[i]:.17g} as after one step, found {split[i]:.17g} after two"
@@ -320,14 +320,14 @@ def check_rate(p: Any) -> None:
     @settings(examples, max_examples=30)
     @given(moves, both_signs(log(-3, 0)), log(-3, -1), torque_scales)
     def holds(history, w, h, torque_scale):
-        memory = after(p, history, torque_scale)
+        memory = memory_after(p, history, torque_scale)
         scale = np.maximum(extent(p, torque_scale), 1e-12)
         if memory.size:
             solution = solve_ivp(
                 lambda t, m: rate(p, torque_scale, m, w), (0.0, h), memory, rtol=1e-9, atol=1e-10 * scale
             )
             # the solver's tolerance, summed over its steps and over its passing of kinks
-            found, continuous = after(p, [(w, h)], torque_scale, memory), memory.size - law.law_of(p).modes(p)
+            found, continuous = memory_after(p, [(w, h)], torque_scale, memory), memory.size - law.law_of(p).modes(p)
             expected = solution.y[:, -1]
             allowed = 1e-6 * scale + 1e-7 * abs(expected)
             for i in np.flatnonzero(~(abs(found - expected) <= allowed)[:continuous]):
@@ -349,7 +349,7 @@ def check_torque_scale(p: Any) -> None:
     def holds(history, w, torque_scale):
         torques = []
         for stretch in (torque_scale, 2.0 * torque_scale, 3.0 * torque_scale):
-            memory = after(p, [(speed, stretch * h) for speed, h in history], stretch)
+            memory = memory_after(p, [(speed, stretch * h) for speed, h in history], stretch)
             torques.append(law.torque(p, stretch, memory, w))
         largest = max(map(abs, torques)) + size(p)
         assert abs(torques[0] - 2.0 * torques[1] + torques[2]) <= _tolerances(p).scaled * largest

@@ -44,7 +44,9 @@ def at_rest(p: Any) -> Array:
     return np.zeros(law.law_of(p).memory_size(p))
 
 
-def after(p: Any, history: list[tuple[float, float]], torque_scale: float = 1.0, memory: Array | None = None) -> Array:
+def memory_after(
+    p: Any, history: list[tuple[float, float]], torque_scale: float = 1.0, memory: Array | None = None
+) -> Array:
     """Memory after a history of constant speeds [rad/s] and durations [s], from rest or from another memory."""
     memory = at_rest(p) if memory is None else memory.copy()
     for w, h in history:
@@ -64,8 +66,8 @@ def mirror(p: Any, memory: Array) -> Array:
 
 def extent(p: Any, torque_scale: float) -> Array:
     """The largest float of the same parity after a long slide and a rest: what rounding is compared with."""
-    slid = after(p, [(1.0, 100.0)], torque_scale)
-    found, turns = np.maximum(np.abs(slid), np.abs(after(p, [(0.0, 1.0)], torque_scale, slid))), odd(p, slid)
+    slid = memory_after(p, [(1.0, 100.0)], torque_scale)
+    found, turns = np.maximum(np.abs(slid), np.abs(memory_after(p, [(0.0, 1.0)], torque_scale, slid))), odd(p, slid)
     return np.where(turns, found.max(where=turns, initial=0.0), found.max(where=~turns, initial=0.0))
 
 
@@ -78,14 +80,14 @@ def rate(p: Any, torque_scale: float, memory: Array, w: float) -> Array:
 
 def size(p: Any, torque_scale: float = 1.0) -> float:
     """Torque of a long slide at 1 rad/s: what rounding is compared with [N m]."""
-    return law.torque(p, torque_scale, after(p, [(1.0, 100.0)], torque_scale), 1.0)
+    return law.torque(p, torque_scale, memory_after(p, [(1.0, 100.0)], torque_scale), 1.0)
 
 
 def mean_by_quadrature(p: Any, torque_scale: float, memory: Array, w: float, h: float) -> float:
     """Mean over the step of ``torque`` along ``advance``: adaptive Simpson, good to about 1e-9 of the torque."""
 
     def f(t: float) -> float:
-        return law.torque(p, torque_scale, after(p, [(w, t)], torque_scale, memory), w)
+        return law.torque(p, torque_scale, memory_after(p, [(w, t)], torque_scale, memory), w)
 
     def integral(a: float, b: float, f_a: float, f_m: float, f_b: float) -> float:
         m = 0.5 * (a + b)

@@ -15,7 +15,7 @@ from steer_env.vehicle.cars import Car
 
 SLIDING_SPEED = 0.1  # column speed at which the sliding friction is measured [rad/s]
 FIRST_TURN = 1e-3  # turn from rest over which the stiffness is measured [rad]
-TURN = 0.2  # turn from rest after which the friction slides [rad]
+SLIDING_TURN = 0.2  # turn from rest after which the friction slides [rad]
 
 
 class Context(NamedTuple):
@@ -56,7 +56,7 @@ def measure_context(car: Car, chassis: str, drawn: Conditions) -> Context:
     loaded = car.loaded(drawn.load)
     p = loaded.plant(drawn.friction, speed=drawn.speed, robot=True, road_friction=drawn.road_friction, chassis=chassis)
     p = with_level(p, drawn)
-    turned = np.arange(0.0, TURN + FIRST_TURN, FIRST_TURN)
+    turned = np.arange(0.0, SLIDING_TURN + FIRST_TURN, FIRST_TURN)
     scales = by_sample(p.level, np.zeros(turned.size), turned, drawn.friction_level)
     torque = response(drawn.friction, turned, FIRST_TURN / SLIDING_SPEED, scales)
     return Context(

@@ -152,7 +152,7 @@ def evaluate_beside(prepared: Sequence[PreparedDrive], assists: Sequence[Assist]
 
 def _started(course: OpenLoop, p: Plant) -> OpenLoop:
     """A course from the state of a plant, which may have functions that the car's own assist does not have."""
-    same = layout.size_of(p) == course.straight.size
+    same = layout.state_size(p) == course.straight.size
     return course if same else course._replace(straight=plant.initial_state(p))
 
 

@@ -31,7 +31,12 @@ SETS = 8  # default of the parameter sets in an episode
 SPEED = 100.0 / 3.6  # default of the context's speed [m/s]
 DETUNING = 0.8  # default of the largest offset of the start; assumed [1]
 TOLERANCE = 0.1  # default of the width of a wanted band over that of the target band, about what hands notice; assumed
-DRAWN = ("load", "road_friction", "friction_level", "speed")  # keys of RANGES; there are no sensors in the loop
+DRAWN_CONDITIONS = (
+    "load",
+    "road_friction",
+    "friction_level",
+    "speed",
+)  # keys of RANGES; there are no sensors in the loop
 _MARGINS = (
     Quantity("phase_margin", "deg", 180.0, "smallest one of the assist loop"),
     Quantity("gain_margin", "dB", 100.0, "smallest one of the assist loop"),
@@ -162,7 +167,7 @@ class TuneEnv(PlainSpecification, gym.Env):
         self.car = cars.load(vehicle, steering=steering)
         if tyre is not None:
             self.car = self.car._replace(tyre=tyres.load(tyre))
-        self._limits = {name: LIMITS[name] for name in DRAWN}
+        self._limits = {name: LIMITS[name] for name in DRAWN_CONDITIONS}
         self._limits["speed"] = low, high = SPEEDS
         self._limits["road_friction"] = self.scenario.least_road_friction, LIMITS["road_friction"][1]
         self.speed = number("speed [m/s]", speed, minimum=low, maximum=high)
@@ -266,8 +271,10 @@ class TuneEnv(PlainSpecification, gym.Env):
         super().reset(seed=None if seed is None else whole("seed", seed, 0))
         options = options or {}
         for key in options:
-            if key not in DRAWN:
-                raise ValueError(f"unknown reset option {key!r}; {self.scenario.name} takes: {', '.join(DRAWN)}")
+            if key not in DRAWN_CONDITIONS:
+                raise ValueError(
+                    f"unknown reset option {key!r}; {self.scenario.name} takes: {', '.join(DRAWN_CONDITIONS)}"
+                )
         drawn = self._randomise.draw(self.np_random, options)
         speeds = {each.manoeuvre.speed for each in driving.adapt_drives(self.scenario.drives, self.chassis, drawn)}
         names = self.scenario.parameters

@@ -12,7 +12,7 @@ from steer_env.episode.randomise import RANGES
 from steer_env.metrics import definition
 from steer_env.registration import history
 from steer_env.tuning import reward, start
-from steer_env.tuning.env import DETUNING, DRAWN, SETS, TOLERANCE, TuneEnv, observed_quantities
+from steer_env.tuning.env import DETUNING, DRAWN_CONDITIONS, SETS, TOLERANCE, TuneEnv, observed_quantities
 from steer_env.tuning.parameters import KNOWN
 from steer_env.tuning.scenarios.common.definition import SCENARIOS, Scenario
 from steer_env.tuning.vector import TuneVectorEnv
@@ -99,15 +99,15 @@ def _documentation(scenario: Scenario) -> str:
         "## Start",
         _wrap(
             "A context is drawn; `options` fix what would be drawn. The car's own assist is put out of tune: every "
-            f"parameter by {start.LEAST * DETUNING:g} to {DETUNING:g} in the unit of the action, up or down, a "
-            "strength up, so that the loop keeps two thirds of the wanted margins, where 20 draws find "
+            f"parameter by {start.LEAST_OFFSET_RATIO * DETUNING:g} to {DETUNING:g} in the unit of the action, up or "
+            "down, a strength up, so that the loop keeps two thirds of the wanted margins, where 20 draws find "
             'it. The offsets are not observed, but follow from the values in `info["parameters"]`, which no controller '
             "should read; `env.unwrapped.own_action` is the action that undoes them."
         ),
         f"## End\n\nThe episode is truncated after {SETS} parameter sets, or as many as the argument `sets` says.",
         "## Arguments",
         "Those of `steer_env.tuning.TuneEnv`. `reset(options={...})` fixes what would be drawn:",
-        table(("option", "meaning"), [(f"`{key}`", RANGES[key][2]) for key in DRAWN]),
+        table(("option", "meaning"), [(f"`{key}`", RANGES[key][2]) for key in DRAWN_CONDITIONS]),
         f"## Version history\n\n{history(scenario.name)}",
     ]
     return "\n\n".join(sections) + "\n"

@@ -20,8 +20,8 @@ from steer_env.vehicle.steering.margins import least, worst_margins
 
 Array = NDArray[np.float64]
 
-LEAST = 0.5  # smallest offset over the largest one; assumed [1]
-SHARE = 2.0 / 3.0  # of the wanted margins that the start keeps; assumed [1]
+LEAST_OFFSET_RATIO = 0.5  # smallest offset over the largest one; assumed [1]
+KEPT_MARGIN_SHARE = 2.0 / 3.0  # of the wanted margins that the start keeps; assumed [1]
 TRIES = 20  # offsets that are drawn at most; the one with the largest margins is taken where none keeps them
 
 
@@ -35,11 +35,11 @@ def draw_offsets(
     best, most, passed = np.zeros(len(names)), 0.0, transmissions(friction)
     for _ in range(TRIES):
         sign = np.where(upward, 1.0, rng.choice((-1.0, 1.0), len(names)))
-        offset = sign * rng.uniform(LEAST, 1.0, len(names)) * largest
+        offset = sign * rng.uniform(LEAST_OFFSET_RATIO, 1.0, len(names)) * largest
         kept = _margin_share(car, passed, names, speeds, offset)
         if kept > most:
             best, most = offset, kept
-        if most >= SHARE:
+        if most >= KEPT_MARGIN_SHARE:
             break
     return best
 

@@ -14,7 +14,7 @@ from steer_env.experiments.studies.common.assist_margins import assist_cells
 from steer_env.friction.sites import transmissions
 from steer_env.vehicle import cars
 from steer_env.vehicle.analysis import assist_loop
-from steer_env.vehicle.analysis.operating_point import cornering, held, steady
+from steer_env.vehicle.analysis.operating_point import cornering, steady, with_hands
 from steer_env.vehicle.steering import margins
 from steer_env.vehicle.steering.margins import Margins
 
@@ -50,7 +50,7 @@ def test_page_of_a_car(compact):
     assert sum(cell["reached"] for cell in data["map"]) - len(standing) == 24
     own = next(c for c in data["map"] if (c["speed_kph"], c["torque"], c["hands"]) == (60.0, 3.0, "off"))
     car = cars.load("compact")
-    point = held(steady(cornering(car, 60.0 / 3.6), torque=3.0), "off")
+    point = with_hands(steady(cornering(car, 60.0 / 3.6), torque=3.0), "off")
     passed = transmissions(friction.resolve(car.friction))
     expected = margins.least([assist_loop.margins(assist_loop.transmitted(point, factor)) for factor in passed])
     assert own["friction"] == margin_map.SLIDING

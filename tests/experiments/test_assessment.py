@@ -335,7 +335,7 @@ def test_a_simulation_shows_no_uncertainty(tmp_path):
 def test_a_file_with_fewer_samples_than_were_simulated_is_told(weaves):
     full = replace(weaves["lugre"], meta={**weaves["lugre"].meta, "trace": {"car": cars.load().data()}})
     both = {"full": full, "thinned": full.filtered(80.0).resampled(200.0)}
-    assert assessment.page_of(assessment.assess(both), both).values["thinned"] == ["thinned"]
+    assert assessment.make_page(assessment.assess(both), both).values["thinned"] == ["thinned"]
 
 
 def test_large_is_what_the_report_calls_large(weaves):
@@ -470,7 +470,7 @@ def test_what_agrees_says_what_it_would_have_shown(tmp_path):
 def test_a_change_that_is_shown_one_way_only_is_not_counted():
     ends = (("friction", 0.8, 1.5), ("boost", 0.5, None), ("delay of the assist", None, None))
     power = comparison_power.Power(
-        tuple(comparison_power.Shown(*each) for each in ends), {"viscous": True, "gms": False}
+        tuple(comparison_power.ShownFactors(*each) for each in ends), {"viscous": True, "gms": False}
     )
     assert comparison_power.both_ways(power) == {"friction": 1.5}
     assert comparison_power.both_ways(power._replace(parameters=power.parameters[1:])) == {}

@@ -46,7 +46,7 @@ class Delayed(Baseline):
         return self.sum
 
 
-def drive(kind, condition=assist_drives.OWN, env_id=WEAVE):
+def drive(kind, condition=assist_drives.OWN_FRICTION, env_id=WEAVE):
     """The first drive of a kind and condition."""
     every = assist_drives.suite(assist_suite.task_named(env_id))
     return next(one for one in every if (one.kind, one.condition) == (kind, condition))
@@ -79,10 +79,10 @@ def test_a_shipped_baseline_holds_everywhere():
 
 def test_a_quicker_loop_ripples_with_delay():
     found = assist_suite.judge(drive("weave"), partial(assists.make, "lqg", torque_noise=0.2), WEAVE)
-    late = next(one for one in found if one.condition == f"{assist_drives.OWN}, 20 ms more delay")
+    late = next(one for one in found if one.condition == f"{assist_drives.OWN_FRICTION}, 20 ms more delay")
     assert not late.holds
     assert late.worst > late.limit == 0.05
-    assert next(one for one in found if one.condition == f"{assist_drives.OWN}, as it is").holds
+    assert next(one for one in found if one.condition == f"{assist_drives.OWN_FRICTION}, as it is").holds
 
 
 def test_the_pulse_is_that_of_free_control():
@@ -169,7 +169,7 @@ def test_the_suite_tells_a_wanted_return_as_the_environment_does():
 
 @pytest.mark.whole
 def test_the_search_keeps_to_the_suite(monkeypatch):
-    short = assist_drives.Drive("weave", assist_drives.OWN, {}, drive("weave").rows[:3])
+    short = assist_drives.Drive("weave", assist_drives.OWN_FRICTION, {}, drive("weave").rows[:3])
     monkeypatch.setattr(assist_suite, "suite", lambda home, car: [short])
     rewards = {}
     collect = held_out.collect

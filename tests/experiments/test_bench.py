@@ -24,7 +24,7 @@ def test_runs_take_turns_and_a_ratio_is_of_one_round():
     times = step_time.in_turns(runs, rounds=4)
     assert order == ["a", "b", "b", "a"] * 2
     assert times["a"] == [2.0, 4.0, 6.0, 8.0]
-    ratio = step_time.over(times, "a")["b"]
+    ratio = step_time.ratios_to_base(times, "a")["b"]
     assert (ratio.median, ratio.low, ratio.high) == (3.0, 3.0, 3.0)
 
 
@@ -43,10 +43,11 @@ def test_a_reset_does_not_count():
     env = Slow(gym.make(step_time.CART))
     env.reset(seed=0)
     times = step_time.in_turns(
-        {"slow": lambda: step_time._steps(env, 1, 1, 100), "own": step_time.run_of(gym.make(step_time.CART), 1, 1)}, 20
+        {"slow": lambda: step_time._steps(env, 1, 1, 100), "own": step_time.make_run(gym.make(step_time.CART), 1, 1)},
+        20,
     )
     assert env.resets > 20 * 5
-    assert step_time.over(times, "own")["slow"].median < 3.0
+    assert step_time.ratios_to_base(times, "own")["slow"].median < 3.0
 
 
 def test_what_is_not_installed_is_left_out(monkeypatch):
@@ -80,9 +81,9 @@ def test_the_file_has_ratios_and_its_numbers(monkeypatch, tmp_path):
 def test_shares_are_of_one_round_and_sum_to_one():
     """Whatever the machine does from round to round; the parts of a step of 10 ms, in time of 1 ms."""
     slow = np.array([1.0, 3.0, 2.0])
-    step = Case("steer-env", f"{step_time.OWN}, single_track", 1, 1, lambda n: None, lambda n: 0)
+    step = Case("steer-env", f"{step_time.OWN_FRICTION}, single_track", 1, 1, lambda n: None, lambda n: 0)
     times = {step: list(20.0 * slow), "single_track": list(1.5 * slow)}
-    times |= {f"single_track, {name}": list(0.4 * slow) for name in step_time.PARTS}
+    times |= {f"single_track, {name}": list(0.4 * slow) for name in step_time.PLANT_PARTS}
     found = step_time._shares(times)
     assert [each.share.median for each in found] == pytest.approx([0.2, 0.2, 0.2, 0.15, 0.25])
 

@@ -161,7 +161,12 @@ def test_a_prediction_is_rewarded_in_decibels_of_its_error():
     assert np.isnan(seen[:, 1, env.fitted :]).all()
     assert not np.array_equal(seen[0, 1, : env.fitted], seen[1, 1, : env.fitted])
     truth = env._truth
-    for prediction, reward in ((0.0, 0.0), (0.9 * truth, 20.0), (truth, records.MOST), (-truth, -20.0 * np.log10(2.0))):
+    for prediction, reward in (
+        (0.0, 0.0),
+        (0.9 * truth, 20.0),
+        (truth, records.LARGEST_REWARD),
+        (-truth, -20.0 * np.log10(2.0)),
+    ):
         again, _ = env.reset(seed=(1, 2, 3))
         np.testing.assert_array_equal(again, seen)
         np.testing.assert_allclose(env.step(prediction)[1], reward, atol=1e-9)
@@ -237,7 +242,7 @@ def test_who_identifies_friction_enters_as_any_controller(there, monkeypatch, ca
 
 
 def test_every_baseline_states_its_terms():
-    told = toml.loads(benchmark.TOLD.read_text(encoding="utf-8"))
+    told = toml.loads(benchmark.TERMS_FILE.read_text(encoding="utf-8"))
     known = {"zero", "random", *assists.available(), *drivers.available(), *tuners.BASELINES, "fit"}
     assert known - {"free"} <= set(told)
     assert benchmark.entry("dahl", benchmark.suite("identification")).terms == told["fit"]
@@ -272,7 +277,7 @@ def entered(tmp_path_factory):
         patch.setitem(SUITES, "assists", {"AssistRelease": "active_return"})
         of = benchmark.suite("assists")
         (result,) = benchmark.enter([benchmark.entry("damping", of)], of, benchmark.held_out_seeds(2))
-        return json.loads(benchmark.text_of(benchmark.document(result)))
+        return json.loads(benchmark.result_text(benchmark.document(result)))
 
 
 def changed(entered, place, value):
@@ -288,7 +293,7 @@ def changed(entered, place, value):
 
 def written(path, found):
     """The path of a file with this result."""
-    path.write_text(benchmark.text_of(found), encoding="utf-8")
+    path.write_text(benchmark.result_text(found), encoding="utf-8")
     return str(path)
 
 
@@ -341,7 +346,7 @@ def test_a_class_is_compared_with_the_one_that_is_given(there, short, capsys):
     ],
 )  # fmt: skip
 def test_a_file_that_is_no_result_is_refused_in_one_sentence(change, message, entered, short, tmp_path, capsys):
-    path, text = tmp_path / "broken.json", change(benchmark.text_of(entered))
+    path, text = tmp_path / "broken.json", change(benchmark.result_text(entered))
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     assert main(["benchmark", "--verify", str(path)]) == 2
     told = capsys.readouterr().err
@@ -357,7 +362,7 @@ def test_what_the_program_writes_of_a_class_it_also_reads(there, short):
     assert main([*enter, "--out", "out"]) == 0
 
 
-@pytest.mark.parametrize("kind", benchmark.KINDS)
+@pytest.mark.parametrize("kind", benchmark.CONTROLLER_KINDS)
 def test_no_code_that_a_result_names_is_run(kind, entered, short, tmp_path, monkeypatch, capsys):
     """It would judge itself."""
     monkeypatch.chdir(tmp_path)

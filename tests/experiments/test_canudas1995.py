@@ -38,13 +38,13 @@ def test_break_away_force_falls_with_the_force_rate():
 
 def test_stick_slip_repeats_itself():
     t, x, w, F = mass.stick_slip(PAPER)
-    slips = mass.upward_crossings(t, w, mass.TURN)
+    slips = mass.upward_crossings(t, w, mass.SLIP_SPEED)
     periods = np.diff(slips)
     assert len(slips) == 6
     assert np.ptp(periods) < 2e-3  # four steps
     # between slips the spring gathers what a slip lets go
     advance = np.interp(slips[1:] - 0.1, t, x) - np.interp(slips[:-1] - 0.1, t, x)
-    np.testing.assert_allclose(advance, mass.DRAWN * periods, rtol=1e-3)
+    np.testing.assert_allclose(advance, mass.DRAWN_SPEED * periods, rtol=1e-3)
     # a slip lasts half a swing, pi/sqrt(k) = 2.2 s, and the draw; then only the bristles bend, within -F_s..F_s
     stuck = (t > slips[0] + 3.5) & (t < slips[1] - 0.5)
     assert np.ptp(x[stuck]) < 2.0 * PAPER.F_s / PAPER.sigma_0

@@ -81,7 +81,7 @@ def test_an_unstable_car_has_a_page(tmp_path):
     """Values that need a steady turn are missing, with the reason."""
     (tmp_path / "car.toml").write_text(UNSTABLE, encoding="utf-8")
     car = cars.load(tmp_path / "car.toml")
-    found = {q.name: q for q in car_page.build(tmp_path / "out", car)}
+    found = {q.name: q for q in car_page.write_car_page(tmp_path / "out", car)}
     for name in ("understeer_gradient_single_track", "yaw_lag_two_track", "yaw_frequency"):
         assert math.isnan(found[name].value)
         assert found[name].plausible is None

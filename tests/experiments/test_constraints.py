@@ -9,7 +9,7 @@ from steer_env.experiments.calibration import constraints, problem
 from steer_env.targets import load
 from steer_env.vehicle import cars
 from steer_env.vehicle.analysis import assist_loop
-from steer_env.vehicle.analysis.operating_point import cornering, held, steady
+from steer_env.vehicle.analysis.operating_point import cornering, steady, with_hands
 
 LOAD = 300.0  # [kg]
 # From the beginning of a search. At 140 km/h the response has a sharp peak where the gain margin is read.
@@ -59,7 +59,7 @@ def test_gain_margin_is_that_of_the_worst_steady_turn(monkeypatch, values, kph, 
     found = constraints.margins(car, a, law, LOAD, constraints.reaches(laden))
     turn = cornering(laden._replace(assist=a), kph / 3.6)
     points = [steady(turn, torque=torque) for torque in torques]
-    worst = min(assist_loop.margins(held(p, "off", of)).gain for p in points for of in (None, law))
+    worst = min(assist_loop.margins(with_hands(p, "off", of)).gain for p in points for of in (None, law))
     over = found[f"gain_{kph:.0f}"] - 20.0 * math.log10(worst)
     assert -0.25 <= over <= most
 

@@ -78,7 +78,7 @@ def test_a_level_of_a_column_stands_beside_the_saturated_torque_of_the_law():
     [(1.09934, 1.09912, 1.09956), (120.0004, 119.98, 120.02), (0.5, 0.1, 0.9), (3.0, 3.0, 3.0), (0.0, 0.0, 157.613)],
 )
 def test_an_interval_as_printed_holds_its_value(value, low, high):
-    shown, ends = friction_fit_page.beside(value, (low, high))
+    shown, ends = friction_fit_page.value_with_interval(value, (low, high))
     a, b = map(float, ends.split(" to "))
     assert a <= float(shown) <= b
     assert (a < b) == (low < high)

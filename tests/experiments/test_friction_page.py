@@ -17,7 +17,7 @@ from steer_env.experiments.studies.common import friction_records as records
 from steer_env.experiments.studies.common import friction_results
 from steer_env.experiments.studies.common.friction_results import Scope
 from steer_env.experiments.studies.common.scaling import powers, scale_record
-from steer_env.experiments.studies.real_time import Row
+from steer_env.experiments.studies.real_time import SchemeRow
 from steer_env.metrics import Value
 from steer_env.metrics.common.filtered_channels import ANGLE, TORQUE
 from steer_env.recording.friction_record import FrictionRecord
@@ -54,7 +54,7 @@ def every():
 def test_a_split_keeps_the_whole_friction(every):
     x = np.radians(5.0) * np.sin(np.linspace(0.0, 12.0, 2001))
     whole = friction.response("lugre", x, 1e-2)
-    split = [case for case in every if case.factor == cases.SITE]
+    split = [case for case in every if case.factor == cases.SITE_FACTOR]
     assert len(split) == 2
     for case in split:
         parts = friction.response(case.friction, x, 1e-2) + friction.response(case.above, x, 1e-2)
@@ -63,7 +63,7 @@ def test_a_split_keeps_the_whole_friction(every):
 
 def test_friction_above_the_torsion_bar_adds_to_the_hand_torque_and_to_nothing_else(every):
     car, rig = cars.load(), manoeuvres.make("rig")
-    case = next(case for case in every if case.factor == cases.SITE)
+    case = next(case for case in every if case.factor == cases.SITE_FACTOR)
     with_it = cases.recording(case, car, rig, case.friction)
     without = cases.recording(case._replace(above=None), car, rig, case.friction)
     extra = with_it[TORQUE] - without[TORQUE]
@@ -78,14 +78,18 @@ def test_friction_above_the_torsion_bar_adds_to_the_hand_torque_and_to_nothing_e
 def test_half_the_step_changes_little_and_a_level_much(every):
     car, tests = cars.load(), ("rig",)
     kept = [
-        case for case in every if case.label == case.base == "law: lugre" or case.factor in (cases.STEP, cases.LEVEL)
+        case
+        for case in every
+        if case.label == case.base == "law: lugre" or case.factor in (cases.STEP_FACTOR, cases.LEVEL_FACTOR)
     ]
     rows = cases.effects(kept, [cases.drives((car, case, tests)) for case in kept])
     of = cases.by_factor(rows)
-    step, level = (max(abs(row.found.share) for row in of[factor]) for factor in (cases.STEP, cases.LEVEL))
+    step, level = (
+        max(abs(row.found.share) for row in of[factor]) for factor in (cases.STEP_FACTOR, cases.LEVEL_FACTOR)
+    )
     assert step < 1e-3
     assert level > 0.1
-    assert cases.summary(of[cases.LEVEL]).largest.case.factor == cases.LEVEL
+    assert cases.summary(of[cases.LEVEL_FACTOR]).largest.case.factor == cases.LEVEL_FACTOR
 
 
 def test_paired_differences_by_hand():
@@ -99,7 +103,7 @@ def test_the_laws_are_told_apart_where_they_should_be():
     laws = {name: friction.make(name) for name in ("lugre", "dahl", "masing")}
     apart = distinction.differences(laws, "lugre")
     assert apart["saturated"]["masing"] < 0.01 < apart["nested"]["masing"]
-    assert apart["nested"]["dahl"] < 1e-3 < distinction.TOLD < apart["quick"]["dahl"]
+    assert apart["nested"]["dahl"] < 1e-3 < distinction.DISTINCTION_THRESHOLD < apart["quick"]["dahl"]
     assert apart["slow"]["dahl"] < apart["usual"]["dahl"] < apart["quick"]["dahl"]
 
 
@@ -154,12 +158,12 @@ def _results(every):
         records.Judged("lugre", laws["lugre"], 0.10, 0.09, 0.11, ("sigma_1",), ("told",)),
         records.Judged("coulomb", None, math.nan, math.nan, math.nan, (), ("no reversal",)),
     ]
-    row = Row("midpoint", 1e-3, 1e-4, True)
+    row = SchemeRow("midpoint", 1e-3, 1e-4, True)
     tables = {law: [row, row._replace(scheme="explicit Euler", error=0.5)] for law in laws}
     base, other = (Value(v, v, v, "N m", repeats=(v, v, v)) for v in (2.0, 3.0))
     driven = []
     for case in every:
-        value = other if case.factor == cases.LEVEL else base
+        value = other if case.factor == cases.LEVEL_FACTOR else base
         drive = cases.Drive({"torque_at_0p1g": value}, {}, 0.1, None)
         driven.append({"weave": drive, "slow-ramp": drive})
     confused = [
@@ -202,8 +206,8 @@ def test_findings_are_those_of_the_numbers(results):
     laws = friction_study.of_laws(results)["remembering"]
     assert (laws.large, laws.compared) == (0, 2)
     factors = friction_study.of_factors(results)
-    assert factors["stronger"][cases.LEVEL] == 1.0
-    assert factors["noticed"] == [cases.LEVEL]
+    assert factors["stronger"][cases.LEVEL_FACTOR] == 1.0
+    assert factors["noticed"] == [cases.LEVEL_FACTOR]
     assert not friction_study.laws_told_apart(results)["shaking"]
     loop = friction_study.in_loop(results)
     assert (loop["large"], loop["comparisons"]) == (0, 1)
@@ -228,7 +232,7 @@ def test_other_numbers_give_other_findings(results):
 @pytest.mark.parametrize("times", [None, NONE], ids=["measured", "not measurable"])
 def test_a_page_is_made_whether_times_are_measurable_or_not(results, times):
     shown = results if times is None else results._replace(times=times)
-    assert "<dd></dd>" not in friction_study.page_of(shown).html()
+    assert "<dd></dd>" not in friction_study.make_page(shown).html()
     assert bool(friction_study.as_json(shown)["real_time"]["costs"]) == (times is None)
 
 

@@ -91,7 +91,7 @@ def test_the_parts_of_an_environment_over_laws_are_those_of_each_law():
 def test_a_policy_with_a_history_acts_as_stable_baselines_does(tmp_path):
     path = tmp_path / "policy.zip"
     friction_shift.train(CASE, ENTRIES["history"], 1, path)
-    about = policy.about(path)
+    about = policy.read_description(path)
     assert (about["laws"], about["settings"]["algorithm"]["frames"]) == (list(SET), 8)
     vector = gym.make_vec(ON_CENTRE, num_envs=2)
     found = policy.Policy(path, vector)

@@ -59,7 +59,7 @@ def test_a_report_of_sites_alone(tmp_path):
     """It has nothing of schemes that were not run."""
     laws = {law: friction.resolve(law) for law in ("lugre@column_eps", "masing@gear+coulomb,F_c=0.3@upper_column")}
     scope = Scope(tests={"weave": {"cycles": 6}}, widths=(0.0, 1.0), steps=(1e-3,), speeds_kph=(0.0,))
-    report.build(tmp_path / "report", laws, scope)
+    report.build_report(tmp_path / "report", laws, scope)
     found = json.loads((tmp_path / "report" / "metrics.json").read_text())
     split, two = (found["metrics"][law]["torque_at_0g"]["value"] for law in laws)
     assert two > split

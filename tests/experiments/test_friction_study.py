@@ -40,7 +40,7 @@ def test_laws_of_one_calibration_differ_in_small_turns_and_coincide_in_the_weave
 
 def test_the_small_turns_are_those_of_hands_on_a_motorway():
     """Half of the turns span no more, to the step by which the recorded traffic tells angles apart."""
-    turns = np.abs(np.diff(reversals(road_drive()["handwheel_angle"], readme_picture.LEAST)))
+    turns = np.abs(np.diff(reversals(road_drive()["handwheel_angle"], readme_picture.LEAST_TURN)))
     assert np.median(turns) == pytest.approx(2.0 * study.SMALL_TURN, abs=0.1 * study.DEGREE)
 
 
@@ -58,11 +58,11 @@ def test_no_amplitude_depends_on_what_was_driven_before(monkeypatch):
     car, weave = cars.load(), manoeuvres.make("weave")
     others = [replace(weave, chassis="two_track"), replace(weave, trial=7.0), manoeuvres.make("weave", frequency=0.25)]
     for other in others:
-        monkeypatch.setattr(battery, "_near", {})
-        alone = battery.near(car, other)
-        monkeypatch.setattr(battery, "_near", {})
-        assert battery.near(car, weave) != alone
-        assert battery.near(car, other) == alone
+        monkeypatch.setattr(battery, "_near_amplitudes", {})
+        alone = battery.near_amplitude(car, other)
+        monkeypatch.setattr(battery, "_near_amplitudes", {})
+        assert battery.near_amplitude(car, weave) != alone
+        assert battery.near_amplitude(car, other) == alone
 
 
 def test_torque_stays_while_a_displacement_is_held():
@@ -110,6 +110,6 @@ def test_both_laws_of_the_held_test_unload_alike_after_saturation():
 
 
 def test_ringing_of_a_known_sine():
-    t = np.arange(0.0, 5.0, study.THIN * 1e-3)
+    t = np.arange(0.0, 5.0, study.THINNING * 1e-3)
     assert study.ringing(np.exp(-t) * np.sin(2.0 * np.pi * 6.0 * t)) == pytest.approx(6.0, rel=0.01)
     assert np.isnan(study.ringing(np.zeros_like(t)))

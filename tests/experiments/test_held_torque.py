@@ -45,6 +45,6 @@ def test_a_law_with_its_own_damper_is_the_one_of_the_comparison(results):
 
 
 def test_the_file_holds_every_number(results):
-    _, data = held_torque.build(results, "compact")
+    _, data = held_torque.build_page(results, "compact")
     assert len(data["tests"]) == 24
     assert {row["law"] for row in data["laws"]} == {"masing", "dahl"}

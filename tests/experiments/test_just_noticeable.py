@@ -81,7 +81,7 @@ def test_thresholds_are_of_sustained_torques_and_angles_alone():
     assert set(metrics.available()) >= just_noticeable.SUSTAINED
     for name in metrics.available():
         if just_noticeable.applies(name):
-            assert metrics.definition(name).unit in just_noticeable.LEAST, name
+            assert metrics.definition(name).unit in just_noticeable.LEAST_STIMULUS, name
         for word in ("deadband", "gradient", "phase", "lag", "0g", "hysteresis", "ripple", "gain", "crosswind"):
             assert not (word in name.split("_") and just_noticeable.applies(name)), name
 

@@ -7,7 +7,7 @@ import pytest
 
 from steer_env import manoeuvres
 from steer_env.experiments.studies import loop_width
-from steer_env.experiments.studies.loop_width import AT_0G, DEADBAND, SLOW, WEAVE, Key, Width, verdict
+from steer_env.experiments.studies.loop_width import AT_0G, DEADBAND, SLOW_TITLE, WEAVE_TITLE, Key, Width, verdict
 from steer_env.friction import defaults
 from steer_env.metrics.common.filtered_channels import AY, TORQUE
 from steer_env.metrics.common.loops import Loops
@@ -16,7 +16,7 @@ from steer_env.vehicle import cars
 
 @pytest.fixture(scope="module")
 def curves():
-    return loop_width.collect(["compact"], ["lugre"], (WEAVE, SLOW), (0.0, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0))
+    return loop_width.collect(["compact"], ["lugre"], (WEAVE_TITLE, SLOW_TITLE), (0.0, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0))
 
 
 def test_levels_change_torques_and_no_displacement():
@@ -32,7 +32,7 @@ def test_lag_and_damping_over_acceleration_do_not_depend_on_friction(curves):
     At four times the default friction 7 %: the column waits longer for the torsion bar to wind up where the handwheel
     reverses, and is 10 % faster at 0 g, which the motor damps.
     """
-    for test in (WEAVE, SLOW):
+    for test in (WEAVE_TITLE, SLOW_TITLE):
         *usual, most = (w.rest for w in curves[Key("compact", "lugre", test, AT_0G)])
         assert usual == pytest.approx([usual[0]] * len(usual), rel=0.05)
         assert most == pytest.approx(usual[0], rel=0.07)
@@ -50,7 +50,7 @@ def test_the_rest_is_what_a_car_without_friction_shows():
 
 def test_verdict_of_the_default_car(curves):
     """Both parts have one sign over lateral acceleration, and so has the whole over the angle: no width folds."""
-    at_0g, deadband = (curves[Key("compact", "lugre", WEAVE, metric)] for metric in (AT_0G, DEADBAND))
+    at_0g, deadband = (curves[Key("compact", "lugre", WEAVE_TITLE, metric)] for metric in (AT_0G, DEADBAND))
     found = verdict(at_0g)
     assert (found.signed, found.unsigned) == (True, True)
     assert math.isnan(found.zero)
@@ -61,7 +61,7 @@ def test_verdict_of_the_default_car(curves):
     assert math.isnan(found.zero)
     assert found.rest == pytest.approx(0.159, abs=0.005)
     for metric in (AT_0G, DEADBAND):
-        slow = verdict(curves[Key("compact", "lugre", SLOW, metric)])
+        slow = verdict(curves[Key("compact", "lugre", SLOW_TITLE, metric)])
         assert (slow.signed, slow.unsigned) == (True, True)
         assert 0 < slow.rest < 0.25
 

@@ -131,7 +131,7 @@ def test_an_error_or_an_interrupted_swap_leaves_the_old_report(tmp_path, monkeyp
 def test_a_directory_with_other_files_is_not_replaced(tmp_path):
     (tmp_path / "thesis.tex").write_text("years of work")
     with pytest.raises(ValueError, match=r"holds other files \(thesis\.tex\)"):
-        report.build(tmp_path, {})
+        report.build_report(tmp_path, {})
     assert (tmp_path / "thesis.tex").read_text() == "years of work"
 
 

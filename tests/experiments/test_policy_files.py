@@ -48,7 +48,7 @@ def test_a_damaged_policy_is_refused_or_whole(tmp_path):
             damaged[place] = rng.integers(256)
         path.write_bytes(damaged[: len(whole) - (case % 5 == 0) * int(rng.integers(1, 1500))])
         try:
-            network.load(path, policy.about(path))
+            network.load(path, policy.read_description(path))
         except ValueError as error:
             refused += str(path) in str(error)
     assert refused > 80
@@ -56,20 +56,20 @@ def test_a_damaged_policy_is_refused_or_whole(tmp_path):
 
 def test_a_description_of_another_form_is_refused(tmp_path):
     shipped = policy.shipped_policy(SHIPPED[0])
-    about = policy.about(shipped)
+    about = policy.read_description(shipped)
     for changes, message in (
         ({"friction": 1}, "friction in steer_env.json must be of the type str, got 1"),
         ({"settings": []}, "settings.environment in"),
         ({"algorithm": "a"}, "algorithm must be one of"),
         ({"scaling": {**about["scaling"], "deviation": [0.0]}}, "deviation must hold"),
     ):
-        path = _changed(shipped, tmp_path / "policy.zip", {policy.ABOUT: json.dumps({**about, **changes})})
+        path = _changed(shipped, tmp_path / "policy.zip", {policy.DESCRIPTION_NAME: json.dumps({**about, **changes})})
         with pytest.raises(ValueError, match=rf"policy\.zip: {message}"):
-            policy.about(path)
+            policy.read_description(path)
 
 
 def _equal(path, model):
-    about = policy.about(path)
+    about = policy.read_description(path)
     act = network.load(path, about)
     for n in (1, 2, 33):
         seen = np.random.default_rng(n).normal(0.0, 3.0, (n, len(about["observations"]))).astype(np.float32)
@@ -131,13 +131,13 @@ def test_poisoned_weights_are_refused(trained, tmp_path):
     torch.save({"action_net.bias": Poison(mark)}, file)
     path = _changed(trained, tmp_path / "policy.zip", {"policy.pth": file.getvalue()})
     with pytest.raises(ValueError, match="does not hold the weights that it describes"):
-        network.load(path, policy.about(path))
+        network.load(path, policy.read_description(path))
     assert not mark.exists()
 
 
 @pytest.mark.parametrize("hidden", [[64], [64, 64, 64], [64, 32]], ids=["fewer layers", "more layers", "another size"])
 def test_weights_that_do_not_fit_the_description_are_refused(hidden, trained):
-    about = policy.about(trained)
+    about = policy.read_description(trained)
     about["settings"]["algorithm"]["net_arch"] = hidden
     with pytest.raises(ValueError, match="does not hold the weights that it describes"):
         network.load(trained, about)
@@ -145,5 +145,5 @@ def test_weights_that_do_not_fit_the_description_are_refused(hidden, trained):
 
 def test_shipped_policies_need_no_caution(trained):
     path = policy.shipped_policy(SHIPPED[0])
-    assert policy.caution(path, policy.about(path)) == ""
+    assert policy.caution(path, policy.read_description(path)) == ""
     assert "(as it does here)" in policy.caution(trained, {"algorithm": "recurrent-ppo"})

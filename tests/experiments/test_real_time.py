@@ -5,7 +5,7 @@ import pytest
 
 from steer_env import friction
 from steer_env.experiments.studies.common.column_schemes import integrate
-from steer_env.experiments.studies.real_time import Row, accuracy, usable_step
+from steer_env.experiments.studies.real_time import SchemeRow, accuracy, usable_step
 from tests.verification.column import MOST, TWELVE, relative_error, twelve_cases, twelve_references
 
 STEPS = (1e-3, 1e-2)
@@ -34,7 +34,7 @@ def test_a_run_that_diverges_has_no_error(rows):
 
 
 def test_usable_stops_at_the_first_step_that_is_not():
-    rows = [Row("s", h, error, True) for h, error in ((1.0, 0.001), (2.0, 0.5), (3.0, 0.001))]
+    rows = [SchemeRow("s", h, error, True) for h, error in ((1.0, 0.001), (2.0, 0.5), (3.0, 0.001))]
     assert usable_step(rows, "s") == 1.0
     assert usable_step([row._replace(bounded=False) for row in rows], "s") is None
 

@@ -30,7 +30,7 @@ IN_TWO = partial(sweep.run, where=sweep.Where(2))
 def made(tmp_path_factory):
     out = tmp_path_factory.mktemp("made") / "report"
     seen = []
-    results = report.build(out, LAWS, SCOPE, lambda part, what: seen.append(part), sweep=IN_TWO)
+    results = report.build_report(out, LAWS, SCOPE, lambda part, what: seen.append(part), sweep=IN_TWO)
     assert seen == sorted(seen)
     assert seen[-1] == 1.0
     return out, results
@@ -93,13 +93,13 @@ def test_both_terms_have_all_laws_and_their_numbers_are_those_of_the_json(made):
 
 
 def test_a_full_page_is_interactive(made, source):
-    page = Page(report.page_of(made[1], source, report.Look(full=True)).html())
+    page = Page(report.make_page(made[1], source, report.Look(full=True)).html())
     assert sum("plotly-graph-div" in (attrs.get("class") or "") for _, attrs in page.tags) == len(TESTS)
 
 
 def test_pictures_that_were_drawn_while_others_were_computed_are_those_of_the_page(made, source):
     html = (made[0] / "index.html").read_text(encoding="utf-8")
-    images = report.page_of(made[1], source).values["images"]
+    images = report.make_page(made[1], source).values["images"]
     assert {"chassis", "parking", "loop_width"} <= images.keys()
     assert all(shown in html for shown in images.values())
 
@@ -171,7 +171,7 @@ def test_computing_times_do_not_make_another_result(made, source, tmp_path):
     other = report.provenance_of(results) | {"date": "2000-01-01T00:00:00+00:00", "processor": "abacus", "cores": 1}
     pages = {"one": (results, source), "slow": (slower, other), "changed": (ratio_of(results), source)}
     for name, (found, about) in pages.items():
-        (tmp_path / f"{name}.html").write_text(report.page_of(found, about).html(), encoding="utf-8")
+        (tmp_path / f"{name}.html").write_text(report.make_page(found, about).html(), encoding="utf-8")
     assert traces.differences(tmp_path / "one.html", tmp_path / "slow.html") == []
     assert traces.differences(tmp_path / "one.html", tmp_path / "changed.html") != []
 
@@ -189,7 +189,7 @@ def test_the_report_of_an_own_car(tmp_path, monkeypatch):
     def build_(out, laws, scope, notify, look, trace, sweep, beside):
         seen.update(car=scope.loaded(), look=look, trace=trace, beside=beside)
 
-    monkeypatch.setattr(report, "build", build_)
+    monkeypatch.setattr(report, "build_report", build_)
     monkeypatch.setattr(report_findings, "terms", lambda results, noticed: [])
     monkeypatch.setattr(report_findings, "verdict", lambda results, terms: "")
     options = ["--vehicle", "bmw_320i", "--set", "column.K_tb=143", "--noticed-percent", "10"]
@@ -229,9 +229,9 @@ def test_what_a_metric_is_noted_with_stands_on_the_page(made):
     drive = results.drives["weave"]["masing"]
     noted = drive._replace(values={name: each._replace(notes=(note,)) for name, each in drive.values.items()})
     drives = {**results.drives, "weave": {**results.drives["weave"], "masing": noted}}
-    page = report.page_of(results._replace(drives=drives), report.provenance_of(results)).html()
+    page = report.make_page(results._replace(drives=drives), report.provenance_of(results)).html()
     assert page.count(note) == 1
-    assert note not in report.page_of(results, report.provenance_of(results)).html()
+    assert note not in report.make_page(results, report.provenance_of(results)).html()
 
 
 def test_one_law_alone_makes_a_page_too(made):
@@ -246,4 +246,4 @@ def test_one_law_alone_makes_a_page_too(made):
         vehicle=None,
         times=NONE,
     )
-    assert Page(report.page_of(alone, report.provenance_of(alone)).html()).open == []
+    assert Page(report.make_page(alone, report.provenance_of(alone)).html()).open == []

@@ -20,7 +20,7 @@ from steer_env.experiments import sweep
 from steer_env.experiments.cli.common.sweeping import runner
 from steer_env.experiments.cli.main import main, parsed
 from steer_env.experiments.sweep import dask_cluster, store, work
-from steer_env.experiments.sweep.sweep import key_of
+from steer_env.experiments.sweep.sweep import case_key
 from tests.experiments import sweep_cases as cases
 from tests.needs import needs
 
@@ -89,7 +89,7 @@ def test_a_resumed_sweep_runs_what_is_left(tmp_path):
     sweep.run(cases.counted, some[:4], store=kept_in(tmp_path))
     assert same(sweep.run(cases.counted, some, store=kept_in(tmp_path)))
     assert cases.marks(tmp_path / "marks", "done") == list(range(10))
-    damaged = next((tmp_path / "store").glob(f"*{store.SUFFIX}"))
+    damaged = next((tmp_path / "store").glob(f"*{store.CASE_SUFFIX}"))
     damaged.write_bytes(damaged.read_bytes()[:-1])
     assert same(sweep.run(cases.counted, some, store=kept_in(tmp_path)))
     assert len(cases.marks(tmp_path / "marks", "done")) == 11
@@ -112,9 +112,9 @@ def test_keys_tell_functions_cases_and_programs_apart_and_not_processes():
     code = f"from steer_env.experiments.sweep.sweep import key_of; print(key_of('m:f', {case!r}))"
     command = [sys.executable, "-c", code]
     found = {subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip() for _ in range(2)}
-    assert found == {key_of("m:f", case)}
+    assert found == {case_key("m:f", case)}
     others = [("m:g", case), ("m:f", case | {"law": "masing"}), ("m:f", case, {"sources": "other"})]
-    assert len({*found, *(key_of(*other) for other in others)}) == 4
+    assert len({*found, *(case_key(*other) for other in others)}) == 4
 
 
 @pytest.fixture
@@ -174,7 +174,7 @@ def test_a_worker_with_another_own_law_refuses(own):
     own(my_law="import my_table\n", my_table="K = 1.0\n")
     mine = work.identity(["my_law"])
     assert set(mine) - set(work.identity()) == {"module my_law", "module my_table"}
-    task = work.Task(0, work.name_of(cases.rooted), pickle.dumps(2), mine, ("my_law",))
+    task = work.Task(0, work.importable_name(cases.rooted), pickle.dumps(2), mine, ("my_law",))
     assert not work.perform_case(task).failure
     own(my_table="K = 20.0\n")
     found = work.perform_case(task)
@@ -295,7 +295,7 @@ def killed(folder, cluster, number):
     heard = functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
     with subprocess.Popen([sys.executable, folder / "client.py", folder, cluster], env=environment, preexec_fn=heard,
                           stderr=subprocess.DEVNULL) as client:  # fmt: skip
-        while len(list((folder / "store").glob(f"*{store.SUFFIX}"))) < 3:
+        while len(list((folder / "store").glob(f"*{store.CASE_SUFFIX}"))) < 3:
             assert client.poll() is None
             time.sleep(0.02)
         client.send_signal(number)

@@ -36,7 +36,7 @@ def trained(tmp_path_factory):
 
 
 def test_a_run_leaves_policy_curve_checkpoint_and_settings(trained):
-    about = policy.about(trained / "policy.zip")
+    about = policy.read_description(trained / "policy.zip")
     assert (about["env"], about["algorithm"], about["seed"], about["friction"]) == (WEAVE, "ppo", 1, "lugre")
     with (trained / "learning.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
@@ -118,11 +118,11 @@ def test_resume_goes_on(tmp_path):
         steps = [int(row["steps"]) for row in csv.DictReader(file)]
     assert steps[-1] >= 256
     third = Training(WEAVE, None, out, resume=True)
-    curve, best = (out / "learning.csv").read_bytes(), policy.about(out / "policy.zip")
+    curve, best = (out / "learning.csv").read_bytes(), policy.read_description(out / "policy.zip")
     third.run(steps=256)  # as if it had been killed before its report: nothing is trained, nothing validated again
     third.run(minutes=1e-5)
     assert (out / "learning.csv").read_bytes() == curve
-    assert policy.about(out / "policy.zip") == best
+    assert policy.read_description(out / "policy.zip") == best
     (out / "latest.zip").write_bytes(b"")  # as if it had been killed in its last validation, which is made again
     Training(WEAVE, None, out, resume=True).run(steps=256)
     with (out / "learning.csv").open(encoding="utf-8") as file:
@@ -175,7 +175,10 @@ def test_a_killed_training_ends_as_if_it_had_not_been_killed(tmp_path, monkeypat
             assert states[0] == states[1]
             assert (killed / "constraint.csv").read_text() == (whole / "constraint.csv").read_text()
             assert len(states[0]["rows"]) >= 4
-        assert policy.about(killed / "policy.zip")["steps"] == policy.about(whole / "policy.zip")["steps"]
+        assert (
+            policy.read_description(killed / "policy.zip")["steps"]
+            == policy.read_description(whole / "policy.zip")["steps"]
+        )
         shutil.rmtree(killed)
 
 
@@ -297,7 +300,7 @@ def test_a_killed_run_stays_consistent(tmp_path):
             values = [float(row[column]) for row in rows]
             assert values == sorted(values)
         resumed = Training(WEAVE, None, out, resume=True)
-        kept = policy.about(out / "policy.zip")["steps"]
+        kept = policy.read_description(out / "policy.zip")["steps"]
         assert resumed.best == next(float(row["reward"]) for row in rows if int(row["steps"]) == kept)
         earlier = [float(row["reward"]) for row in rows[:-1]]  # the last row may stand before its policy
         assert resumed.best >= max(earlier, default=resumed.best)
@@ -310,7 +313,7 @@ def _as_trained_on(source, folder, **changes):
     with zipfile.ZipFile(source) as old, zipfile.ZipFile(folder / "policy.zip", "w") as new:
         for name in old.namelist():
             data = old.read(name)
-            new.writestr(name, json.dumps(json.loads(data) | changes) if name == policy.ABOUT else data)
+            new.writestr(name, json.dumps(json.loads(data) | changes) if name == policy.DESCRIPTION_NAME else data)
     return str(folder / "policy.zip")
 
 
@@ -326,7 +329,7 @@ def test_policies_of_several_laws_are_compared_on_one(trained, tmp_path, capsys)
     assert not (tmp_path / "out").exists()
     assert main([*command, "--friction", "coulomb"]) == 0
     drawn = {"environment": {"control_dt": 0.01, "randomise": {"load": [0, 100]}}}
-    changed = policy.about(trained / "policy.zip")["settings"] | drawn
+    changed = policy.read_description(trained / "policy.zip")["settings"] | drawn
     third = _as_trained_on(ours, tmp_path / "third", settings=changed)
     assert main(["policy", "evaluate", ours, third, "--out", str(tmp_path / "out")]) == 2
     assert "with load 0 to 300 kg, " in capsys.readouterr().err
@@ -529,7 +532,7 @@ def test_files_of_others_are_refused(tmp_path):
     with zipfile.ZipFile(tmp_path / "other.zip", "w") as archive:
         archive.writestr("data", "{}")
     with pytest.raises(ValueError, match="does not say what it was trained for"):
-        policy.about(tmp_path / "other.zip")
+        policy.read_description(tmp_path / "other.zip")
 
 
 def test_a_policy_of_another_task_is_refused(trained):
@@ -552,7 +555,9 @@ def test_settings_of_an_id_stand_over_the_common_ones():
 @pytest.mark.parametrize("env_id", [id_of("AssistWeave"), id_of("AssistAllRound")])
 def test_a_shipped_assist_knows_no_condition_that_is_no_longer_drawn(env_id):
     drawn = training.conditions(env_id)["randomise"]
-    for name, (low, high) in policy.conditions(policy.about(policy.shipped_policy(env_id)))["randomise"].items():
+    for name, (low, high) in policy.conditions(policy.read_description(policy.shipped_policy(env_id)))[
+        "randomise"
+    ].items():
         assert drawn[name][0] <= low, name
         assert drawn[name][1] >= high, name
 

@@ -25,7 +25,7 @@ COMPLETE, RUNNING = optuna.trial.TrialState.COMPLETE, optuna.trial.TrialState.RU
 
 
 def study_of(one):
-    with search.quiet(), storage.alone(search.Path(one.out)):
+    with search.quiet(), storage.exclusive_folder(search.Path(one.out)):
         return search.current(one, storage.open_storage(search.Path(one.out), one.address))
 
 
@@ -116,7 +116,7 @@ def test_ranges_end_where_the_parameter_does():
 @pytest.mark.parametrize("value", [0.06, 12.0])
 def test_an_own_value_beyond_the_usual_limits_stays_in_a_range_that_is_widened(value):
     own = cars.load("compact", {"assist.return_gain": 5.0, "assist.return_saturation": value})
-    (r,) = problem.ranges_of(own.assist, ("return_saturation",))
+    (r,) = problem.tuning_ranges(own.assist, ("return_saturation",))
     (wider,) = search.widen_ranges((r,), {"return_saturation": value})
     assert wider.low <= value <= wider.high
 
@@ -224,7 +224,7 @@ def posed():
 
 
 def test_a_set_is_the_car_file(posed):
-    values = {**problem.own(posed), "boost_level": 1.2, "return_gain": 1.5, "lead_zero": 17.0}
+    values = {**problem.own_values(posed), "boost_level": 1.2, "return_gain": 1.5, "lead_zero": 17.0}
     car = problem.tuned_car(posed, values)
     again = cars.load(car.data())
     assert feasibility_of(car.assist) == feasibility_of(problem.assist(posed, values))

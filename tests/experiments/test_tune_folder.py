@@ -103,7 +103,7 @@ def test_another_sampler_or_seed_keeps_the_sets_of_all_studies(tmp_path, posed, 
     assert other.widened == first.widened
     again = tuned(posed, tmp_path, 3, seed=7, sampler="random", **options)
     assert params(again.trials["random"]) == params(other.trials["random"])
-    _, data = tuning_page.build(other)
+    _, data = tuning_page.build_page(other)
     assert sorted(map(len, data["sets"].values())) == sorted(map(len, other.trials.values()))
     assert again.best.params == other.best.params
 
@@ -120,7 +120,7 @@ def test_a_search_and_a_confirmation_by_the_same_optimiser_are_both_told(tmp_pat
     tuned(posed, tmp_path, 3, sampler="random", confirm=True)
     found = tuned(posed, tmp_path, 4, sampler="nsga2")
     assert {name: len(trials) for name, trials in found.trials.items()} == {"random": 3, "second nsga2": 3, "nsga2": 4}
-    _, data = tuning_page.build(found)
+    _, data = tuning_page.build_page(found)
     assert data["own_angles"]["best"]["difference"] == found.checks["best"].difference
 
 
@@ -138,11 +138,11 @@ def test_the_best_set_has_the_metrics_with_its_own_handwheel_angles(tmp_path, po
     far = {n: problem.distance(x, posed.bands[n]) for n, x in next(iter(expected.metrics.values())).items()}
     assert set(found.feasibility.missed) == {n for n in found.counted if far[n] > 1e-9}
     assert found.checks["start"].difference == pytest.approx(SHIFT)
-    assert found.own.params == problem.own(posed)
+    assert found.own.params == problem.own_values(posed)
 
 
 def test_the_file_of_the_best_car_has_rounded_numbers(posed):
-    own = problem.own(posed)
+    own = problem.own_values(posed)
     assert tuning.rounded(posed, own).data()["assist"] == problem.tuned_car(posed, own).data()["assist"]
     exact = problem.tuned_car(posed, {**own, "boost_level": 1.234567 * own["boost_level"]}).data()["assist"]
     found = tuning.rounded(posed, {**own, "boost_level": 1.234567 * own["boost_level"]}).data()["assist"]
@@ -161,7 +161,7 @@ def test_an_interrupted_search_says_how_it_goes_on(tmp_path, monkeypatch, capfd)
 
 
 def test_a_search_that_finds_nothing_better_says_so(tmp_path, posed, quick):
-    page, data = tuning_page.build(tuned(posed, tmp_path, 1))
+    page, data = tuning_page.build_page(tuned(posed, tmp_path, 1))
     assert page.values["answer"].alone
     assert not data["answer"]["start"]
 
@@ -178,7 +178,7 @@ def test_the_limits_that_are_broken_are_told(tmp_path, posed, quick, monkeypatch
         return found._replace(margins=MARGINS | missed) if start or whose == "all" else found
 
     monkeypatch.setattr(problem, "evaluate", breaking)
-    page, data = tuning_page.build(tuned(posed, tmp_path, 6))
+    page, data = tuning_page.build_page(tuned(posed, tmp_path, 6))
     words = {constraints.kind(name) for name in missed}
     assert set(data["answer"]["start"]) == words
     assert set(data["answer"]["broken"]) == (words if whose == "all" else set())
@@ -203,7 +203,7 @@ def test_a_distance_that_grew_for_a_limit_is_given_up_and_no_gain(tmp_path, pose
     shares = dict.fromkeys(posed.bands, 1.0)
     monkeypatch.setattr(tuning, "largest_effects", lambda posed, sweep: shares)
     found = tuned(posed, tmp_path, 6)
-    _, data = tuning_page.build(found)
+    _, data = tuning_page.build_page(found)
     assert search.total(found.own) == 0.0
     assert data["answer"]["farther"] == pytest.approx(search.total(found.best))
     assert data["answer"]["given_up"] == tuple(n for n in found.counted if n not in data["answer"]["reached"])
@@ -214,10 +214,12 @@ def test_parameters_tell_ends_of_ranges_and_functions_that_are_off(tmp_path, qui
     posed = problem.make(cars.load("compact"), targets.load("compact"), names=names)
     found = tuned(posed, tmp_path, 6)
     cut = [r._replace(high=found.best.params[r.name]) if r.name == "boost_level" else r for r in found.ranges]
-    shown = tuning_page.build(found._replace(ranges=tuple(cut)))[0].values["parameters"]
+    shown = tuning_page.build_page(found._replace(ranges=tuple(cut)))[0].values["parameters"]
     assert "boost_level" in shown["ends"]
     assert shown["count"] == 6
-    returning = cars.load("compact").data() | {"assist": problem.keys(posed, problem.own(posed) | {"return_gain": 1.0})}
+    returning = cars.load("compact").data() | {
+        "assist": problem.keys(posed, problem.own_values(posed) | {"return_gain": 1.0})
+    }
     assert problem.without_effect(posed.car.assist) == {"return_saturation"}
     assert problem.without_effect(cars.load(returning).assist) == set()
 
@@ -233,7 +235,7 @@ def test_a_set_that_misses_the_whole_map_is_passed_over(tmp_path, posed, quick, 
     first = tuned(posed, tmp_path, 12, sampler="random")
     ranked = search.rank(first.trials["random"])
     assert first.best.params == ranked[0].params
-    values = tuning_page.build(first)[0].values
+    values = tuning_page.build_page(first)[0].values
     assert not values["missed"]
     assert values["passed"] == {"count": 0}
 
@@ -250,10 +252,10 @@ def test_a_set_that_misses_the_whole_map_is_passed_over(tmp_path, posed, quick, 
     monkeypatch.setattr(tuning, "map_margins", mapped)
     found = tuned(posed, tmp_path, 12, sampler="random")
     # The start before the search; of the best, the others miss what the first one does.
-    assert whole == [problem.own(posed), ranked[0].params, ranked[3].params]
+    assert whole == [problem.own_values(posed), ranked[0].params, ranked[3].params]
     assert found.best.params == ranked[3].params
     assert not margin_map.cells_below_limits(found.cells)
-    page, data = tuning_page.build(found)
+    page, data = tuning_page.build_page(found)
     assert page.values["passed"]["count"] == 3
     assert [bool(each["missed"]) for each in data["tried"]] == [True, True, True, False]
 
@@ -272,7 +274,7 @@ def test_where_no_set_keeps_the_whole_map_the_one_with_the_fewest_misses_is_told
     found = tuned(posed, tmp_path, 12, sampler="random")
     assert len(found.tried) == min(tuning.MAPS, len(ranked))
     assert found.best.params == ranked[2].params
-    (missed,) = tuning_page.build(found)[0].values["missed"]
+    (missed,) = tuning_page.build_page(found)[0].values["missed"]
     assert (missed.speed_kph, missed.torque) == (20.0, 2.0)
 
 
@@ -282,7 +284,7 @@ def test_points_that_are_read_again_are_those_of_the_map(monkeypatch):
     car, law = cars.load("compact"), friction.resolve("lugre")
     cells = margin_map.of_car(car, law, (0.0, 300.0), "single_track")
     assert {c.margins is None for c in cells} == {False, True}  # 9 N m are not reached
-    assert margin_map.at(cells, car, law, "single_track") == cells
+    assert margin_map.map_points(cells, car, law, "single_track") == cells
 
 
 def test_a_band_that_changes_side_is_told(posed):
@@ -316,7 +318,7 @@ def test_targets_whose_bands_are_all_in_one_group(tmp_path, quick):
     for sampler in ("surface", "nsga2"):
         found = tuned(one, tmp_path / sampler, 5, sampler=sampler)
         assert len(found.best.user_attrs["objectives"]) == 1
-        assert set(tuning_page.build(found)[1]["importances"]) <= {"effort"}
+        assert set(tuning_page.build_page(found)[1]["importances"]) <= {"effort"}
 
 
 def test_nothing_is_left_behind_where_there_is_nothing_to_resume(tmp_path, posed, quick, capfd):
@@ -379,7 +381,7 @@ def test_a_set_that_reaches_every_band_but_misses_the_map_does_not_end_the_searc
     found = tuned(posed, tmp_path / "second", count + 8)
     assert len(found.trials["surface"]) == count + 8
     assert not found.feasibility.reached
-    assert not tuning_page.build(found)[1]["feasibility"]["reached"]
+    assert not tuning_page.build_page(found)[1]["feasibility"]["reached"]
     missed = [t for t in found.trials["surface"] if t.constraints["whole_map"] > 0.0]
     assert missed
     assert not any(map(search.keeps_constraints, missed))
@@ -403,7 +405,7 @@ def test_parameters_that_move_no_band_are_refused(tmp_path, quick):
 def test_a_metric_that_only_the_start_refuses_is_moved(posed, monkeypatch):
     def refused(posed, values, every_metric=True):
         found = formula(posed, values)
-        if values == problem.own(posed):
+        if values == problem.own_values(posed):
             found.metrics[posed.conditions[0].label]["release_overshoot"] = None
         return found
 
@@ -413,16 +415,16 @@ def test_a_metric_that_only_the_start_refuses_is_moved(posed, monkeypatch):
 
 def test_a_study_that_has_only_begun_is_left_out(tmp_path, posed, quick):
     first = tuned(posed, tmp_path, 4)
-    job = tuning.job_of(posed, first.moved, tmp_path, 4)._replace(name="second nsga2", sampler="nsga2")
+    job = tuning.make_job(posed, first.moved, tmp_path, 4)._replace(name="second nsga2", sampler="nsga2")
     with search.quiet():
         search.current(job, storage.open_storage(tmp_path))
     found = tuned(posed, tmp_path, 5)
     assert list(found.trials) == ["surface"]
-    tuning_page.build(found)
+    tuning_page.build_page(found)
 
 
 def test_nothing_waits_for_a_set_of_a_machine_that_went_down(tmp_path, posed, quick, monkeypatch):
-    job = tuning.job_of(posed, tuning.largest_effects(posed, here), tmp_path, 12)._replace(stops=False)
+    job = tuning.make_job(posed, tuning.largest_effects(posed, here), tmp_path, 12)._replace(stops=False)
     with search.quiet():
         study = search.current(job, storage.open_storage(tmp_path))
         study.ask(search.distributions(search.ranges(study))).set_user_attr("process", "elsewhere-1-dead")

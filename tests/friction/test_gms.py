@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 from steer_env import friction
 from steer_env.friction import law
 from steer_env.friction.models import gms
-from steer_env.testing.histories import after, at_rest
+from steer_env.testing.histories import at_rest, memory_after
 
 ONE = friction.make("gms", k=[100.0], alpha=[1.0], F_c=1.0, F_s=2.0, v_s=0.1, C=20.0)
 
@@ -56,7 +56,7 @@ def test_stick_and_slip_against_scipy():
 
 def test_slower_motion_of_a_slipping_element_creates_no_energy():
     """The level rises from 1 to 2 at a hundredth of the speed; without the bound the spring would load itself."""
-    memory = after(ONE, [(1.0, 10.0)])
+    memory = memory_after(ONE, [(1.0, 10.0)])
     energy = law.stored_energy(ONE, memory)
     w, h = 0.01, 1e-3
     free = 2.0 + (1.0 - 2.0) * np.exp(-20.0 * h / level(w))  # about, as the source has it
@@ -71,7 +71,7 @@ def test_slower_motion_of_a_slipping_element_creates_no_energy():
 
 
 def test_it_slips_until_the_speed_crosses_zero():
-    memory = after(ONE, [(0.5, 1.0)])
+    memory = memory_after(ONE, [(0.5, 1.0)])
     assert memory[1] == 1.0
     law.advance(ONE, 1.0, memory, 0.0, 1.0)
     assert memory[1] == 1.0
@@ -84,7 +84,7 @@ def test_the_fall_of_the_mean_torque_is_bounded():
     rng, steepest = np.random.default_rng(1), 0.0
     p = friction.make("gms", F_s=1.8, v_s=0.05, C=50.0)
     for _ in range(4000):
-        memory = after(
+        memory = memory_after(
             p, [(rng.choice([-1.0, 1.0]) * 10.0 ** rng.uniform(-3, 0), 10.0 ** rng.uniform(-3, 0)) for _ in range(2)]
         )
         _, slope = law.mean_torque(p, 1.0, memory, 10.0 ** rng.uniform(-3, 0), 10.0 ** rng.uniform(-4, 0))

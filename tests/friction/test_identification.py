@@ -10,7 +10,12 @@ from steer_env import friction
 from steer_env.experiments.studies.common.friction_records import rig
 from steer_env.friction import law
 from steer_env.friction.identification.determined import half_widths
-from steer_env.friction.identification.displacement import deviation_of, motion_of, noise_of, quantum_of
+from steer_env.friction.identification.displacement import (
+    displacement_noise,
+    sensor_step,
+    smoothed_motion,
+    white_noise_deviation,
+)
 from steer_env.friction.identification.record import timed
 from steer_env.friction.identification.scales import Scales, exponents
 from steer_env.friction.identification.space import within_law
@@ -141,11 +146,11 @@ def test_noise_of_the_displacement(name, deviation):
 
 
 def test_the_noise_of_a_displacement_is_found_and_a_clean_one_left_alone():
-    assert noise_of(LOOPS) < 1e-15
-    assert motion_of(LOOPS, noise_of(LOOPS)) is LOOPS
+    assert white_noise_deviation(LOOPS) < 1e-15
+    assert smoothed_motion(LOOPS, white_noise_deviation(LOOPS)) is LOOPS
     noisy = LOOPS + noise(0, LOOPS.size, 3e-4)
-    assert noise_of(noisy) == pytest.approx(3e-4, rel=0.05)
-    motion = motion_of(noisy, noise_of(noisy))
+    assert white_noise_deviation(noisy) == pytest.approx(3e-4, rel=0.05)
+    motion = smoothed_motion(noisy, white_noise_deviation(noisy))
     assert np.sum(np.abs(np.diff(motion))) == pytest.approx(np.sum(np.abs(np.diff(LOOPS))), rel=0.02)
     assert np.sqrt(np.mean((motion - LOOPS) ** 2)) < 2e-4
 
@@ -187,11 +192,11 @@ def test_reversals_that_noise_hides_are_told_and_no_law_is_blamed(name):
 
 def test_steps_of_a_sensor_are_found():
     x = DEG * 1.5 * np.sin(0.2 * np.pi * np.arange(0.0, 40.0, DT))
-    assert quantum_of(np.round(x / 3e-4) * 3e-4) == pytest.approx(3e-4, rel=1e-6)
-    assert quantum_of(x) == quantum_of(LOOPS) == quantum_of(np.zeros(9)) == 0.0
+    assert sensor_step(np.round(x / 3e-4) * 3e-4) == pytest.approx(3e-4, rel=1e-6)
+    assert sensor_step(x) == sensor_step(LOOPS) == sensor_step(np.zeros(9)) == 0.0
     staircase = np.repeat(np.arange(100.0), 7)  # of which the third differences have the median zero
-    assert noise_of(staircase) == 0.0
-    assert deviation_of(staircase) == pytest.approx(1.0 / np.sqrt(12.0))
+    assert white_noise_deviation(staircase) == 0.0
+    assert displacement_noise(staircase) == pytest.approx(1.0 / np.sqrt(12.0))
 
 
 # What records determine

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from steer_env import friction
 from steer_env.friction import law, level
 from steer_env.friction.numerics.kernel import plain
-from steer_env.testing.histories import after, at_rest, both_signs, log, moves, steps
+from steer_env.testing.histories import at_rest, both_signs, log, memory_after, moves, steps
 
 LAWS = friction.available()
 few = settings(max_examples=60, derandomize=True, deadline=None, database=None)
@@ -61,7 +61,7 @@ def test_passive_however_the_sides_change(name):
     @few
     @given(moves, steps, sides, sides)
     def holds(history, driven, scales, other):
-        memory, w = after(p, history, scales.positive), 0.0
+        memory, w = memory_after(p, history, scales.positive), 0.0
         energy = law.stored_energy(p, memory)
         for S, R, h in driven:
             scales, other = other, scales
@@ -80,7 +80,7 @@ def test_mirrored_with_exchanged_sides(name):
     @few
     @given(moves, steps, sides)
     def holds(history, driven, scales):
-        memory, mirrored = after(p, history), after(p, [(-w, h) for w, h in history])
+        memory, mirrored = memory_after(p, history), memory_after(p, [(-w, h) for w, h in history])
         w = 0.0
         for S, R, h in driven:
             other, T_other = step(p, level.Scales(*scales[::-1]), mirrored, S, -R, h, -w)
@@ -99,7 +99,7 @@ def test_the_motion_takes_the_side_of_its_scale(name):
     @few
     @given(moves, sides, log(-2, 4), both_signs(log(-3, 2)), log(-4, -2))
     def holds(history, scales, S, R, h):
-        memory = after(p, history, max(scales))
+        memory = memory_after(p, history, max(scales))
         used = level.choose_scale(p, scales, memory, R, h)
         rest = law.rest_torque(p, used, memory, h)
         w, _ = law.step(p, used, memory, S, R, h, 0.0)

@@ -13,7 +13,7 @@ from steer_env import friction
 from steer_env.friction import law, ode
 from steer_env.friction.numerics.kernel import plainly
 from steer_env.testing import CHECKS, check_plain_python, friction_law
-from steer_env.testing.histories import after, at_rest
+from steer_env.testing.histories import at_rest, memory_after
 
 STRIBECK = {"sigma_1": 1.0, "sigma_2": 0.6, "F_c": 0.9, "F_s": 1.35, "v_s": 0.02}
 
@@ -51,7 +51,7 @@ def test_the_temperature_of_rest_changes_no_torque(T_0):
 
 def test_a_temperature_rises_in_motion_and_falls_at_rest_as_its_closed_form():
     p, w, t = friction.make("toy_thermal"), 2.0, 0.013
-    memory = after(p, [(w, t)])
+    memory = memory_after(p, [(w, t)])
     warm = p.heating * w * p.tau * (1.0 - np.exp(-t / p.tau))
     assert memory[1] == pytest.approx(warm, rel=1e-8)
     law.advance(p, 1.0, memory, 0.0, t)

@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 from steer_env import friction
 from steer_env.friction import law
 from steer_env.friction.models import stribeck
-from steer_env.testing.histories import after
+from steer_env.testing.histories import memory_after
 
 P = friction.make("stribeck", F_c=1.0, F_s=1.5, v_s=0.05, sigma_2=0.2)
 
@@ -51,7 +51,7 @@ def test_without_a_branch_the_exponential_spring_is_dahl_to_the_bit():
 
 def test_the_branch_relaxes_at_rest_and_the_spring_holds():
     p = friction.make("exponential_spring", k_m=50.0, tau_m=0.1)
-    memory = after(p, [(0.5, 0.01)])
+    memory = memory_after(p, [(0.5, 0.01)])
     before = memory.copy()
     law.advance(p, 2.0, memory, 0.0, 0.3)
     assert memory.tolist() == [before[0], pytest.approx(before[1] * math.exp(-0.3 / 0.2), rel=1e-14)]
@@ -59,6 +59,6 @@ def test_the_branch_relaxes_at_rest_and_the_spring_holds():
 
 def test_the_branch_in_sliding_is_a_viscous_friction():
     p = friction.make("exponential_spring", k_m=50.0, tau_m=0.1)
-    assert law.torque(p, 1.5, after(p, [(0.4, 100.0)], 1.5), 0.4) == pytest.approx(
+    assert law.torque(p, 1.5, memory_after(p, [(0.4, 100.0)], 1.5), 0.4) == pytest.approx(
         1.5 * (0.9 + 50.0 * 0.1 * 0.4), rel=1e-12
     )

@@ -19,9 +19,9 @@ from steer_env.drivers.common.definition import (
     OWN_MEMORY,
     command,
     delayed_error,
-    gains_of,
     muscle_matrices,
     neuromuscular_step,
+    preview_gains,
 )
 from steer_env.episode.timing import UPDATE_INTERVAL
 from steer_env.registration import id_of
@@ -126,7 +126,7 @@ def test_preview_commands_as_the_optimum_on_every_sample():
     lateral, z, v_y, r = rng.normal(size=1 + len(PREVIEW_TIMES)), rng.normal(size=NEUROMUSCULAR_STATES), 0.3, -0.1
     path = np.interp(UPDATE_INTERVAL * np.arange(1, g.size + 1), [0.0, *PREVIEW_TIMES], lateral)
     wanted = g @ path - K[:2] @ [v_y, r] - K[4:] @ z
-    found = command(driver.preview_model, gains_of(driver, CAR, SPEED), sight_of(lateral), v_y, r, z, np.zeros(1))
+    found = command(driver.preview_model, preview_gains(driver, CAR, SPEED), sight_of(lateral), v_y, r, z, np.zeros(1))
     assert found == pytest.approx(wanted, rel=1e-12)
     np.testing.assert_allclose(muscle_matrices(), arms, atol=1e-9)
 
@@ -160,7 +160,7 @@ def test_macadam_is_the_least_squares_command():
     unit, free = ways(1.0, np.zeros(5), np.zeros(DELAYED_COMMANDS)), ways(0.0, [v_y, r, *z[:3]], z[3:])
     wanted = np.linalg.lstsq(unit[:, None], lateral[1 : 1 + times.size] - free, rcond=None)[0][0]
     driver = drivers.make("macadam", preview_time=0.9)
-    gains = gains_of(driver, CAR, SPEED)
+    gains = preview_gains(driver, CAR, SPEED)
     found = command(driver.preview_model, gains, sight_of(lateral), v_y, r, z, np.zeros(1))
     assert found == pytest.approx(wanted, rel=1e-6)
 
@@ -170,7 +170,7 @@ def test_two_points_ask_for_the_cars_own_angle_in_a_steady_turn():
     curvature = 1e-5
     ahead = SPEED * np.array([0.0, *PREVIEW_TIMES])
     driver = drivers.make("two_point")
-    gains = gains_of(driver, CAR, SPEED)
+    gains = preview_gains(driver, CAR, SPEED)
     asked = command(
         driver.preview_model,
         gains,

@@ -337,7 +337,7 @@ def test_gaps_are_left_out_and_told():
 
 def test_blocks_within_a_gap_are_not_drawn():
     """Blocks that hold nothing would narrow an interval."""
-    times = fit._drawn(26, np.arange(0, 26, 2), np.random.default_rng(0))
+    times = fit._draw_block_counts(26, np.arange(0, 26, 2), np.random.default_rng(0))
     assert not times[:, 1::2].any()
     assert (times.sum(axis=1) == 13.0).all()
 

@@ -156,10 +156,10 @@ def test_a_simulator_binds_every_plant_that_it_runs():
     for p in (*plants, *plants):
         state, record = plant.initial_state(p), np.zeros((len(u), len(plant.channels(p))))
         expected, shown = state.copy(), record.copy()
-        assert driving.OWN.run(p, state, u, record, 1) == plant.run(p, expected, u, shown, 1)
+        assert driving.OWN_SIMULATOR.run(p, state, u, record, 1) == plant.run(p, expected, u, shown, 1)
         assert state.tobytes() + record.tobytes() == expected.tobytes() + shown.tobytes()
         again, spread = plant.initial_state(p), np.repeat(u, 2, axis=0)[::2]
-        assert driving.OWN.run(p, again, spread, record, 1)
+        assert driving.OWN_SIMULATOR.run(p, again, spread, record, 1)
         assert again.tobytes() == state.tobytes()
 
 

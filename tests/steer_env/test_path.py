@@ -86,7 +86,7 @@ def test_winding_road_is_seeded_bounded_and_starts_straight():
 def test_a_path_through_points_keeps_to_them():
     """A circle of 50 m radius from points half a metre apart: their cubic spline leaves it by some 1e-7 m."""
     angle = np.arange(0.0, 2.0, 0.01)
-    found = path.through(50.0 * np.column_stack([np.sin(angle), 1.0 - np.cos(angle)]))
+    found = path.path_through_points(50.0 * np.column_stack([np.sin(angle), 1.0 - np.cos(angle)]))
     s = np.arange(len(found)) * path.SPACING
     assert found[:, 0] == pytest.approx(50.0 * np.sin(s / 50.0), abs=1e-5)
     assert found[:, 2] == pytest.approx(s / 50.0, abs=1e-4)

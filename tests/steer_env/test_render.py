@@ -302,4 +302,6 @@ def test_steps_of_scales():
     scales = [panels.full_scale(peak) for peak in (0.0, 5.0, 5.1, 19.0, 21.0, 60.0)]
     assert scales == [5.0, 5.0, 10.0, 20.0, 50.0, 100.0]
     assert [panels.with_sign(value, 1) for value in (-0.04, 0.0, 1.0, -2.25)] == ["+0.0", "+0.0", "+1.0", "−2.2"]
-    assert canvas.around((0.0, 0.0), 1.0, 0.5 * math.pi) == pytest.approx([-1.0, 0.0])  # counter-clockwise is left
+    assert canvas.polar_points((0.0, 0.0), 1.0, 0.5 * math.pi) == pytest.approx(
+        [-1.0, 0.0]
+    )  # counter-clockwise is left

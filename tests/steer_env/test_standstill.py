@@ -126,8 +126,8 @@ def test_bad_holds_are_refused():
 
 
 def test_runs():
-    assert events.runs(np.array([1, 1, 0, 1], bool)) == [(0, 2), (3, 4)]
-    assert events.runs(np.zeros(3, bool)) == []
+    assert events.true_runs(np.array([1, 1, 0, 1], bool)) == [(0, 2), (3, 4)]
+    assert events.true_runs(np.zeros(3, bool)) == []
 
 
 @pytest.fixture(scope="module")

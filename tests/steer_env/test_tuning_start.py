@@ -88,7 +88,7 @@ def test_a_start_is_off_in_every_parameter_and_keeps_a_share_of_the_margins(name
         assert info["margins"]["phase_deg"] >= 20.0 - 1e-9
         assert info["margins"]["gain_db"] >= 4.0 - 1e-9
         offset = -env.own_action
-        assert (np.abs(offset) >= start.LEAST * env.detuning - 1e-6).all()
+        assert (np.abs(offset) >= start.LEAST_OFFSET_RATIO * env.detuning - 1e-6).all()
         assert (np.abs(offset) <= env.detuning).all()
         assert all(x > 0.0 for x, p in zip(offset, env.scenario.parameters) if p in FUNCTIONS)
         starts.append(offset)

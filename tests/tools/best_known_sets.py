@@ -16,7 +16,7 @@ import gymnasium as gym
 import numpy as np
 from scipy import optimize
 
-from steer_env.experiments.learning.tuners import DRAWN
+from steer_env.experiments.learning.tuners import DRAWN_RANGES
 from steer_env.registration import id_of
 from steer_env.tuning.scenarios.common.definition import SCENARIOS
 
@@ -27,7 +27,7 @@ EVALUATIONS = 200  # of each search
 
 def context(name: str, seed: int, drawn: bool) -> Any:
     """The environment of a scenario in a context."""
-    env: Any = gym.make(id_of(name), sets=None, randomise=DRAWN if drawn else None).unwrapped
+    env: Any = gym.make(id_of(name), sets=None, randomise=DRAWN_RANGES if drawn else None).unwrapped
     env.reset(seed=seed)
     return env
 

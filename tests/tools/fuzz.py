@@ -35,9 +35,8 @@ import numpy as np
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES, DATA = ROOT / "examples", ROOT / "experiments" / "data"
-CASE = (
-    "checkpoint"  # the folder of the file, in that of the files that a call needs beside; as a training calls its own
-)
+# The folder of the file, in that of the files that a call needs beside; as a training calls its own
+CASE = "checkpoint"
 LONGEST, HANGS = 10.0, 60.0  # processor time of a case, with that of its processes, and time on a busy machine [s]
 ROWS = 400  # of a recording, which the readers read quickly
 ENV_ID = "steer_env/DriverOnCentre-v3"
@@ -127,7 +126,7 @@ def _record(path: Path) -> None:
 def _policy(path: Path) -> None:
     from steer_env.experiments.learning import policy
 
-    about = policy.about(path)
+    about = policy.read_description(path)
     policy.check_observations(path, about, ENV_ID)
     policy.law(about["friction"], path)
     policy.Policy(path, _env())
@@ -281,7 +280,7 @@ def _made_trace(car: Any) -> dict[str, Any]:
 def _training_keys() -> tuple[str, ...]:
     from steer_env.experiments.learning import training
 
-    return tuple(training.KEYS)
+    return tuple(training.STATE_KEYS)
 
 
 def _fmu() -> bytes:

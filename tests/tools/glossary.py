@@ -22,7 +22,7 @@ from steer_env.environments import reset_options, table
 from steer_env.episode.randomise import RANGES, SENSOR_NOISE
 from steer_env.metrics.common import just_noticeable
 from steer_env.registration import CHANGES, DRIVEN, FIRST, history
-from steer_env.tuning.env import DRAWN, TuneEnv
+from steer_env.tuning.env import DRAWN_CONDITIONS, TuneEnv
 from steer_env.tuning.scenarios.common.definition import SCENARIOS, SPEEDS
 from steer_env.tuning.vector import TuneVectorEnv
 from steer_env.vector import SteerVectorEnv
@@ -256,7 +256,7 @@ def _options(name: str) -> str:
         known = reset_options(tasks.task(_short(name)))
     else:
         scenario = SCENARIOS[_short(name)]
-        known = {key: RANGES[key] for key in DRAWN} | {"speed": (*SPEEDS, RANGES["speed"][2])}
+        known = {key: RANGES[key] for key in DRAWN_CONDITIONS} | {"speed": (*SPEEDS, RANGES["speed"][2])}
         known["road_friction"] = (scenario.least_road_friction, *RANGES["road_friction"][1:])
     rows = [(f"`{key}`", f"{low:g} to {high:g}", meaning) for key, (low, high, meaning) in known.items()]
     return table(("option", "range", "meaning"), rows)

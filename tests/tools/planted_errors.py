@@ -192,8 +192,8 @@ ERRORS = (
     Planted(
         "the steps of a sensor count as twice the noise",
         "friction/identification/displacement.py",
-        "return max(noise_of(x), quantum_of(x) / math.sqrt(12.0))",
-        "return max(noise_of(x), quantum_of(x) / math.sqrt(3.0))",
+        "return max(white_noise_deviation(x), sensor_step(x) / math.sqrt(12.0))",
+        "return max(white_noise_deviation(x), sensor_step(x) / math.sqrt(3.0))",
         "tests/friction/test_identification.py tests/friction",
     ),
     Planted(
@@ -283,8 +283,8 @@ ERRORS = (
     Planted(
         "a resumed sweep takes results of other code of the user",
         "experiments/sweep/sweep.py",
-        'key = key_of(name, case, program) if store else ""',
-        'key = key_of(name, case) if store else ""',
+        'key = case_key(name, case, program) if store else ""',
+        'key = case_key(name, case) if store else ""',
         "tests/experiments/test_sweep.py tests/experiments",
     ),
     Planted(

@@ -12,7 +12,7 @@ from steer_env.friction.numerics import packing
 from steer_env.manoeuvres import drive
 from steer_env.vehicle import cars, plant
 from steer_env.vehicle.analysis import understeer
-from steer_env.vehicle.layout import layout_of, size_of, states
+from steer_env.vehicle.layout import plant_layout, state_names, state_size
 from steer_env.vehicle.steering import column, eps, linear
 from steer_env.vehicle.steering.assist import active_return, functions
 from steer_env.vehicle.steering.assist.functions import Functions, NoFunctions, Signals
@@ -54,7 +54,7 @@ def test_off_is_off():
     for off in (eps.make(), zero):
         assert off.functions == NoFunctions()
         assert functions.requested(off.functions, np.zeros(0), Signals(1.0, 1.0, 1.0, 1.0, 30.0), -0.7) == -0.7
-    names = [name for name, _ in states(cars.load().plant())]
+    names = [name for name, _ in state_names(cars.load().plant())]
     assert not any(name in names for name, _ in functions.STATES)
     assert np.array_equal(eps.make().boost, eps.TABLE_ASSIST)
 
@@ -282,8 +282,8 @@ def test_states_are_named_and_rows_run_alone():
     weak = {"motor_speeds": [0.0, 400.0], "motor_torques": [0.1, 0.0], "motor_continuous": 0.05}
     p = compact(**EVERY, **weak, friction_law="masing").plant("masing", V)
     assert isinstance(p.assist.functions, Functions)
-    names, at = [name for name, _ in states(p)], layout_of(p)
-    assert len(names) == len(set(names)) == size_of(p)
+    names, at = [name for name, _ in state_names(p)], plant_layout(p)
+    assert len(names) == len(set(names)) == state_size(p)
     assert names[at.functions : at.functions + 2] == ["acceleration_filter", "lead_lag_filter_0"]
     assert names[at.memory] == "friction_memory_0"
     state, row = plant.settled(p)

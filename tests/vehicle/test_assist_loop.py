@@ -9,7 +9,7 @@ import pytest
 
 from steer_env.vehicle import cars, plant
 from steer_env.vehicle.analysis import assist_loop, linearised
-from steer_env.vehicle.analysis.operating_point import cornering, held, steady
+from steer_env.vehicle.analysis.operating_point import cornering, steady, with_hands
 from steer_env.vehicle.chassis.common.interface import HAND
 from steer_env.vehicle.plant import CHANNEL
 from steer_env.vehicle.steering import margins
@@ -41,7 +41,7 @@ def growth(point, factor=1.0, samples=0):
 )
 def test_gain_margin_is_where_the_plant_becomes_unstable(turn, torque, hands, law):
     """The closed plant keeps still just below its gain margin and grows just above it, within 0.5 %."""
-    point = held(steady(turn, torque=torque), hands, law)
+    point = with_hands(steady(turn, torque=torque), hands, law)
     found = assist_loop.margins(point)
     if law == "coulomb":  # a column that is held moves no torque with hands on, and the handwheel alone is stable
         assert (found.gain, found.stable) == (math.inf, True)
@@ -58,7 +58,7 @@ def test_a_site_above_the_bar_holds_the_handwheel_or_nothing(turn, torque):
     point, f = steady(turn, torque=torque), margins.FREQUENCIES
     above, below = {"upper_column": "coulomb,F_c=0.1"}, {"gear": "lugre"}
     loops = {
-        (hands, law and tuple(law)): assist_loop.open_loop(held(point, hands, law)).response(f)
+        (hands, law and tuple(law)): assist_loop.open_loop(with_hands(point, hands, law)).response(f)
         for hands, law in (("on", None), ("off", above), ("off", None), ("on", below), ("on", above | below))
     }
     found = loops["off", ("upper_column",)]
@@ -71,7 +71,7 @@ def test_a_site_above_the_bar_holds_the_handwheel_or_nothing(turn, torque):
 def test_delay_margin_is_where_the_plant_becomes_unstable(hands):
     """A boost is scaled until whole samples are its delay margin; without motor damping, which the plant delays too."""
     car = CAR._replace(assist=CAR.assist._replace(damping=0.0 * CAR.assist.damping))
-    point = held(steady(cornering(car, SPEED), torque=2.5), hands)
+    point = with_hands(steady(cornering(car, SPEED), torque=2.5), hands)
     loop, samples = assist_loop.open_loop(point), 3
     f = margins.FREQUENCIES
     L = loop.response(f)
@@ -109,7 +109,7 @@ def test_a_motion_grows_where_the_simulation_grows(kph, share, assist):
     # At 40 km/h three times the boost leaves less than 3 N m to the hands.
     torques = (1.0, 2.0) if boost > 1.0 and kph == 40.0 else (1.0, 2.0, 3.0)
     for torque in torques:
-        point = held(steady(turn, torque=torque), "off", "lugre")
+        point = with_hands(steady(turn, torque=torque), "off", "lugre")
         rest = remains(point)
         assert rest < 0.1 or rest > 10.0, "the point is too near to the limit for a verdict"
         assert assist_loop.grows(point) == (rest > 10.0), (torque, rest)

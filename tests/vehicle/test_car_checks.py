@@ -28,7 +28,7 @@ def changed(section, **values):
 
 @pytest.fixture(autouse=True)
 def _nothing_told(monkeypatch):
-    monkeypatch.setattr(check, "_TOLD", set())
+    monkeypatch.setattr(check, "_WARNED", set())
 
 
 @pytest.mark.parametrize(

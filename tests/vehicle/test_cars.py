@@ -300,7 +300,7 @@ def test_changes_set_keys():
 
 
 def test_changes_warn_only_of_what_they_make_unusual(monkeypatch, recwarn):
-    monkeypatch.setattr(check, "_TOLD", set())
+    monkeypatch.setattr(check, "_WARNED", set())
     heavy = cars.load("compact", changes={"column.K_tb": 400.0})
     assert [str(w.message).partition(" (")[0] for w in recwarn] == [
         "car compact: column.K_tb is 400 N m/rad; usual is 50 to 300 N m/rad"

@@ -52,7 +52,7 @@ def test_only_modes_of_the_steering_count(chassis):
     np.testing.assert_array_equal(np.sort_complex(found), np.sort_complex(found.conj()))
     free = CAR.plant(NONE, 40.0, chassis=chassis)
     matrix, index = free_control.transition(free)
-    names = [plant.states(free)[i][0] for i in index]
+    names = [plant.state_names(free)[i][0] for i in index]
     assert {"x", "y", "yaw_angle", "distance", "steps_since_evaluation"}.isdisjoint(names)
     assert {"handwheel_angle", "column_speed", "roll_angle"} <= set(names)
     z = np.linalg.eigvals(matrix)

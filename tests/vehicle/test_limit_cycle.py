@@ -7,7 +7,7 @@ import pytest
 
 from steer_env.vehicle import cars
 from steer_env.vehicle.analysis import limit_cycle
-from steer_env.vehicle.analysis.operating_point import cornering, held, steady
+from steer_env.vehicle.analysis.operating_point import cornering, steady, with_hands
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 from steer_env.vehicle.steering.linear import answer
 from steer_env.vehicle.steering.margins import boost_gain
@@ -29,7 +29,7 @@ def unstable():
 )
 def test_a_cycle_of_the_car_is_predicted(unstable, law, hands):
     """Frequency and amplitude within 10 % where the third harmonic is below 5 %; none is missed."""
-    found = limit_cycle.compare(held(unstable, hands), law)
+    found = limit_cycle.compare(with_hands(unstable, hands), law)
     assert len(found) == 1
     assert 0.01 < found[0].simulated.third < limit_cycle.THIRD
     assert found[0].agrees
@@ -79,7 +79,7 @@ def test_first_harmonic_of_the_command():
 def test_a_cycle_at_the_limit_of_the_motor():
     """Hands off with the motor's own limit: within 10 %, where the limit halves the frequency."""
     assist = CAR.assist._replace(boost=3.0 * CAR.assist.boost, delay=4)
-    point = held(steady(cornering(CAR._replace(assist=assist), 50.0 / 3.6)), "off")
+    point = with_hands(steady(cornering(CAR._replace(assist=assist), 50.0 / 3.6)), "off")
     largest = max(limit_cycle.compare(point, "lugre"), key=lambda each: each.simulated.amplitude)
     assert largest.agrees
     assert largest.simulated.frequency < 20.0

@@ -10,7 +10,7 @@ import pytest
 from steer_env.vehicle import cars, plant
 from steer_env.vehicle.analysis import linearised, understeer
 from steer_env.vehicle.analysis.linearised import linearise
-from steer_env.vehicle.analysis.operating_point import HANDS, cornering, held, steady
+from steer_env.vehicle.analysis.operating_point import HAND_MODES, cornering, steady, with_hands
 from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST, HAND, INPUTS, RACK_DISTURBANCE
 from steer_env.vehicle.steering.margins import boost_gain
 from tests.by_law import pairs
@@ -78,13 +78,15 @@ SITES = {
 @pytest.mark.parametrize(
     ("torque", "hands", "law"),
     [
-        *pairs(product([0.0, 1.7], HANDS, [None, "lugre"])),
+        *pairs(product([0.0, 1.7], HAND_MODES, [None, "lugre"])),
         pytest.param(1.7, "off", SITES, marks=pytest.mark.whole),
     ],
 )
 def test_motion_is_that_of_the_plant(turns, torque, hands, law):
     """The response to a pulse is that of the plant, by five points, within 2e-6 of its largest value."""
-    point = held(steady(turns["single_track"], torque=torque), hands, law, ARMS if hands == "arms" else (0.0,) * 3)
+    point = with_hands(
+        steady(turns["single_track"], torque=torque), hands, law, ARMS if hands == "arms" else (0.0,) * 3
+    )
     assert max(off(point, law).values()) < 2e-6
 
 
@@ -96,7 +98,9 @@ ALONG = ("longitudinal", "kappa", "drive", "front_drive", "throttle", "wheel_ang
 @pytest.mark.parametrize(("torque", "hands", "law"), pairs(product([0.0, 1.7], ["on", "off"], [None, "lugre"])))
 def test_motion_of_two_tracks_is_that_of_the_plant(turns, torque, hands, law):
     """Within 2e-6 for all that steering moves; the motion ahead, which it hardly moves, to the digits that it has."""
-    found = off(held(steady(turns["two_track"], torque=torque), hands, law), law, larger=(1.0, 3.0, 10.0, 30.0, 100.0))
+    found = off(
+        with_hands(steady(turns["two_track"], torque=torque), hands, law), law, larger=(1.0, 3.0, 10.0, 30.0, 100.0)
+    )
     across = {name: value for name, value in found.items() if not name.startswith(ALONG)}
     assert len(across) > 20
     assert max(across.values()) < 2e-6, {name: value for name, value in across.items() if value > 2e-6}
@@ -120,9 +124,9 @@ def test_functions_of_the_assist_have_slopes_of_their_own(name, torque):
     changes = {f"assist.{key}": value for key, value in FUNCTIONS[name].items()}
     straight = steady(cornering(cars.load("compact", changes=changes), SPEED), torque=torque)
     for law in (None, "lugre"):
-        point = held(straight, "off", law)
+        point = with_hands(straight, "off", law)
         assert max(off(point, law).values()) < 1e-6, law
-    plain = held(steady(cornering(CAR, SPEED), torque=torque), "off", "lugre")
+    plain = with_hands(steady(cornering(CAR, SPEED), torque=torque), "off", "lugre")
     s = np.exp(2j * math.pi * 2.0 * plant.CHASSIS_STEP)
     one, other = (g(s)[g.output_labels.index("yaw_rate"), 0] for g in (linearise(point), linearise(plain)))
     # The return fades where the torsion bar is loaded, and the compensation of friction where it is not.
@@ -197,7 +201,7 @@ def test_one_side_of_a_knot(above):
     point = steady(cornering(CAR, v), torque=knot, above=above)
     assert boost_gain(point.plant.assist, knot, v) == pytest.approx(boost_gain(a, knot + side, v), rel=1e-6)
     assert boost_gain(a, knot + 1e-3, v) != pytest.approx(boost_gain(a, knot - 1e-3, v), rel=0.01)
-    g = linearise(held(point, "on"))
+    g = linearise(with_hands(point, "on"))
     kept = [i for i, name in enumerate(g.state_labels) if "yaw_angle" not in name and name != "distance"]
     gain = g.C[:, kept] @ np.linalg.solve(np.eye(len(kept)) - g.A[np.ix_(kept, kept)], g.B[kept, 0]) + g.D[:, 0]
     motor, bar = (gain[g.output_labels.index(name)] for name in ("motor_torque", "torsion_bar_torque"))
@@ -227,9 +231,9 @@ def test_refusals(turns):
     with pytest.raises(ValueError, match="at least 0"):
         steady(turn, torque=-1.0)
     with pytest.raises(ValueError, match="hands must be one of on, off, arms"):
-        held(steady(turn), "crossed")
+        with_hands(steady(turn), "crossed")
     with pytest.raises(ValueError, match="needs arms"):
-        held(steady(turn), "arms")
+        with_hands(steady(turn), "arms")
 
 
 def test_a_point_by_its_handwheel_angle(turns):

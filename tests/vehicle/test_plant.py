@@ -15,7 +15,7 @@ from steer_env.vehicle import cars, plant
 from steer_env.vehicle.analysis import free_control
 from steer_env.vehicle.chassis import chassis_of
 from steer_env.vehicle.chassis.common.interface import INPUTS
-from steer_env.vehicle.layout import layout_of
+from steer_env.vehicle.layout import plant_layout
 from steer_env.vehicle.plant import CHANNEL, CHANNELS
 from tests.by_law import EACH_LAW, pairs
 
@@ -57,7 +57,7 @@ def reference(p, u, robot, state=None):
     Of either chassis, without a locked wheel and without a change of gear.
     """
     c, a, n_memory = p.column, p.assist, law_of(p.friction).memory_size(p.friction)
-    kind, first = chassis_of(p.chassis), layout_of(p).chassis
+    kind, first = chassis_of(p.chassis), plant_layout(p).chassis
     last = 5 + len(kind.states)
     dx, out, dz = np.zeros(len(kind.states)), np.zeros(len(kind.outputs)), np.zeros(n_memory)
 

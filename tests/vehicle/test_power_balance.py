@@ -10,7 +10,7 @@ import pytest
 
 from steer_env.vehicle import cars, plant
 from steer_env.vehicle.chassis import available
-from steer_env.vehicle.layout import layout_of
+from steer_env.vehicle.layout import plant_layout
 from tests.by_law import pairs
 from tests.vehicle.test_two_track import CHASSIS, energy
 from tests.verification.common import power
@@ -53,7 +53,7 @@ def test_chassis_power_on_two_tracks(hands, name):
     speed, u, _ = hands[name]
     p = CAR.plant("lugre", speed, robot=True, chassis="two_track")
     _, passed = power.recorded(p, u, plant.initial_state(p))
-    at = layout_of(p)
+    at = plant_layout(p)
     passed = passed[passed[:, at.steps] == 0.0]
     x, dx, out = passed[:, CHASSIS], passed[:, at.rate : at.rate_before], passed[:, at.outputs : at.outputs_before]
     rack, force = at_tie_rods(p.chassis.body[0], x, dx, p.pinion_radius * passed[:, [2, 3]])

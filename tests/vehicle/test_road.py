@@ -12,7 +12,7 @@ from scipy.special import k1
 
 from steer_env.friction.numerics.kernel import COMPILED
 from steer_env.vehicle import road
-from steer_env.vehicle.road import LEFT, RIGHT
+from steer_env.vehicle.road import LEFT_TRACK, RIGHT_TRACK
 
 WAVY = road.make_road(heights=np.cumsum(np.sin(np.outer([3.0, 4.0], 2.0 * np.pi * np.arange(60) / 60)), axis=1) * 1e-3)
 
@@ -25,7 +25,7 @@ def heights(r, side, distances):
 def test_flat_road_is_level_and_dry():
     r = road.flat()
     assert r.level
-    for side in (LEFT, RIGHT):
+    for side in (LEFT_TRACK, RIGHT_TRACK):
         for s in (-1e4, 0.0, 3.3, 1e9):
             assert road.height(r, side, s) == (0.0, 0.0)
             assert road.friction(r, side, s) == 1.0
@@ -35,13 +35,13 @@ def test_flat_road_is_level_and_dry():
 
 
 def test_heights_equal_the_grid_and_slopes_half_the_difference_of_the_neighbours():
-    z, slope = heights(WAVY, LEFT, np.arange(60) * WAVY.spacing + 1e-12)
+    z, slope = heights(WAVY, LEFT_TRACK, np.arange(60) * WAVY.spacing + 1e-12)
     np.testing.assert_allclose(z, WAVY.heights[0], atol=1e-13)
     around = np.roll(WAVY.heights[0], -1) - np.roll(WAVY.heights[0], 1)
     np.testing.assert_allclose(slope, 0.5 * around / WAVY.spacing, atol=1e-9)
 
 
-@pytest.mark.parametrize("side", [LEFT, RIGHT])
+@pytest.mark.parametrize("side", [LEFT_TRACK, RIGHT_TRACK])
 def test_heights_and_slopes_are_continuous_and_belong_together(side):
     grid = np.arange(-60, 120) * WAVY.spacing
     before, after = heights(WAVY, side, grid - 1e-9), heights(WAVY, side, grid + 1e-9)
@@ -56,10 +56,10 @@ def test_a_quadratic_is_reproduced():
     x = np.arange(200) * 0.05
     r = road.make_road(heights=np.tile((x * (x[-1] - x)) / 100.0, (2, 1)))
     s = np.linspace(0.1, 9.7, 333)
-    np.testing.assert_allclose(heights(r, LEFT, s)[0], s * (x[-1] - s) / 100.0, atol=1e-14)
+    np.testing.assert_allclose(heights(r, LEFT_TRACK, s)[0], s * (x[-1] - s) / 100.0, atol=1e-14)
 
 
-@given(s=st.floats(-50.0, 50.0), turns=st.integers(-3, 3), side=st.sampled_from([LEFT, RIGHT]))
+@given(s=st.floats(-50.0, 50.0), turns=st.integers(-3, 3), side=st.sampled_from([LEFT_TRACK, RIGHT_TRACK]))
 def test_road_repeats(s, turns, side):
     again = road.height(WAVY, side, s + turns * 60 * WAVY.spacing)
     assert again == pytest.approx(road.height(WAVY, side, s), abs=1e-11)
@@ -69,19 +69,19 @@ def test_road_repeats(s, turns, side):
 def test_swapping_the_sides_swaps_heights_and_friction(s):
     r = WAVY._replace(friction=np.array([[0.3, 0.4, 0.9], [1.0, 0.8, 0.7]]))
     mirrored = r._replace(heights=r.heights[::-1].copy(), friction=r.friction[::-1].copy())
-    for side in (LEFT, RIGHT):
+    for side in (LEFT_TRACK, RIGHT_TRACK):
         assert road.height(r, side, s) == road.height(mirrored, 1 - side, s)
         assert road.friction(r, side, s) == road.friction(mirrored, 1 - side, s)
 
 
 def test_friction_of_a_side_and_over_distance():
     split = road.make_road(friction=(0.2, 0.9))
-    assert [road.friction(split, side, 12.3) for side in (LEFT, RIGHT)] == [0.2, 0.9]
+    assert [road.friction(split, side, 12.3) for side in (LEFT_TRACK, RIGHT_TRACK)] == [0.2, 0.9]
     patches = road.make_road(friction=[[1.0, 1.0, 0.2, 0.2], [1.0, 1.0, 1.0, 1.0]], spacing=2.0)
-    assert [road.friction(patches, LEFT, s) for s in (0.0, 3.0, 4.5, 7.0, 8.0, -1.0)] == pytest.approx(
+    assert [road.friction(patches, LEFT_TRACK, s) for s in (0.0, 3.0, 4.5, 7.0, 8.0, -1.0)] == pytest.approx(
         [1.0, 0.6, 0.2, 0.6, 1.0, 0.6]
     )
-    assert road.friction(patches, RIGHT, 5.0) == 1.0
+    assert road.friction(patches, RIGHT_TRACK, 5.0) == 1.0
 
 
 # Bump
@@ -96,7 +96,7 @@ def test_bump_is_a_squared_cosine(side, rises, height, length):
     inside = np.abs(s - at) < 0.5 * length
     expected = np.where(inside, height * np.cos(np.pi * (s - at) / length) ** 2, 0.0)
     slope = np.where(inside, -height * np.pi / length * np.sin(2.0 * np.pi * (s - at) / length), 0.0)
-    for track, rise in zip((LEFT, RIGHT), rises):
+    for track, rise in zip((LEFT_TRACK, RIGHT_TRACK), rises):
         z, dz = heights(r, track, s)
         np.testing.assert_allclose(z, rise * expected, atol=2e-3 * abs(height))
         np.testing.assert_allclose(dz, rise * slope, atol=0.05 * abs(height) * np.pi / length)
@@ -150,7 +150,7 @@ def test_tracks_without_distance_are_equal(track):
 def test_random_road_starts_level_and_repeats_smoothly():
     r = road.iso8608(7, "H", length=300.0)
     s = np.linspace(-4.9, 4.9, 197)
-    for side in (LEFT, RIGHT):
+    for side in (LEFT_TRACK, RIGHT_TRACK):
         np.testing.assert_array_equal(heights(r, side, s), 0.0)
         np.testing.assert_array_equal(heights(r, side, s + 300.0), 0.0)
     assert np.max(np.abs(r.heights)) > 0.1
@@ -199,4 +199,4 @@ def test_arrays_are_read_only_copies():
 @pytest.mark.skipif(not COMPILED, reason="nothing is compiled")
 def test_plain_python_equals_compiled():
     for s in np.random.default_rng(4).uniform(-10.0, 10.0, 50):
-        assert road.height(WAVY, RIGHT, s) == road.height.py_func(WAVY, RIGHT, s)
+        assert road.height(WAVY, RIGHT_TRACK, s) == road.height.py_func(WAVY, RIGHT_TRACK, s)

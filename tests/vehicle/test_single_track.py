@@ -38,7 +38,7 @@ KPH = 1.0 / 3.6
 AXLES = ("front", "rear")
 # Rear steer angle and inclination over the roll angle: a wheel's travel is half the track times the roll angle.
 ROLL_STEER, ROLL_CAMBER = -0.5 * C["rear_bump_steer"] * TRACK[1], 1.0 - 0.5 * C["rear_camber_gain"] * TRACK[1]
-FIRST = [name for name, _ in plant.states(CAR.plant())].index(STATES[0][0])
+FIRST = [name for name, _ in plant.state_names(CAR.plant())].index(STATES[0][0])
 CHASSIS = slice(FIRST, FIRST + len(STATES))
 
 

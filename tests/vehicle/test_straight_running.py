@@ -9,7 +9,7 @@ from steer_env.friction.numerics.kernel import plain
 from steer_env.vehicle import cars, plant, road
 from steer_env.vehicle.chassis import chassis_of, two_track
 from steer_env.vehicle.chassis.common import equilibrium
-from steer_env.vehicle.layout import layout_of, size_of
+from steer_env.vehicle.layout import plant_layout, state_size
 from tests.by_law import pairs
 
 MOVES = {"x", "distance"}  # and nothing else
@@ -28,7 +28,7 @@ def straight(p, state, seconds=5):
 
 
 def speed_of(p, state):
-    return float(plain(chassis_of(p.chassis).speed)(p.chassis, state[layout_of(p).chassis :]))
+    return float(plain(chassis_of(p.chassis).speed)(p.chassis, state[plant_layout(p).chassis :]))
 
 
 SPEEDS = (0.0, 3.0, 6.0, 12.0, 22.0, 27.7, 35.0)
@@ -45,7 +45,7 @@ def test_nothing_moves(car, chassis, speed, grip):
     """In the next five seconds, gear and shift included; the held speed is exact."""
     p, begun = settled(car, chassis, speed, road_friction=grip)
     moved = np.abs(straight(p, begun) - begun) / (1.0 + np.abs(begun))
-    names = [name.split(".")[-1] for name, _ in plant.states(p)]
+    names = [name.split(".")[-1] for name, _ in plant.state_names(p)]
     assert {name: m for name, m in zip(names, moved.tolist()) if m > 1e-9 and name not in MOVES} == {}
     assert speed_of(p, begun) == pytest.approx(speed, abs=1e-9)
     assert plant.initial_speed(p) == pytest.approx(speed, abs=1e-9)
@@ -56,14 +56,14 @@ def test_nothing_moves(car, chassis, speed, grip):
 def test_a_speed_that_no_car_holds_is_what_five_seconds_leave_of_it(car, speed, grade, grip):
     """Beyond the engine, and on slopes of ice."""
     p, begun = settled(car, speed=speed, road_friction=grip, road=road.make_road(grade=grade))
-    assert plant.begin(p, np.zeros(size_of(p))) == plant.RUN_IN
+    assert plant.begin(p, np.zeros(state_size(p))) == plant.RUN_IN
     assert np.isfinite(begun).all()
     assert 0.1 < abs(speed_of(p, begun) - speed) < 25.0
 
 
 def test_a_lower_gear_holds_the_speed_on_a_slope():
     p, begun = settled(speed=16.0, road=road.make_road(grade=0.15))
-    assert plant.begin(p, np.zeros(size_of(p))) == plant.SETTLING
+    assert plant.begin(p, np.zeros(state_size(p))) == plant.SETTLING
     assert speed_of(p, straight(p, begun)) == pytest.approx(16.0, abs=1e-9)
 
 
@@ -78,16 +78,16 @@ def test_a_lower_gear_holds_the_speed_on_a_slope():
 )
 def test_five_seconds_only_where_a_car_does_not_run_straight(ground, runs):
     p, begun = settled(road=ground)
-    samples = plant.begin(p, np.zeros(size_of(p)))
+    samples = plant.begin(p, np.zeros(state_size(p)))
     assert samples == (plant.SETTLING if runs else plant.RUN_IN)
     if runs:
-        assert np.abs(straight(p, begun) - begun)[layout_of(p).chassis + two_track.YAW] == 0.0
+        assert np.abs(straight(p, begun) - begun)[plant_layout(p).chassis + two_track.YAW] == 0.0
 
 
-@pytest.mark.parametrize("n", [1, 5, equilibrium.MOST])
+@pytest.mark.parametrize("n", [1, 5, equilibrium.MOST_UNKNOWNS])
 def test_the_linear_equations_against_numpy(n):
     rng = np.random.default_rng(n)
-    J, r = np.zeros((equilibrium.MOST, equilibrium.MOST)), np.zeros(equilibrium.MOST)
+    J, r = np.zeros((equilibrium.MOST_UNKNOWNS, equilibrium.MOST_UNKNOWNS)), np.zeros(equilibrium.MOST_UNKNOWNS)
     J[:n, :n], r[:n] = rng.normal(size=(n, n)), rng.normal(size=n)
     J[0, 0] = 0.0 if n > 1 else J[0, 0]  # which needs another row first
     expected, found = np.linalg.solve(J[:n, :n], r[:n]), r.copy()

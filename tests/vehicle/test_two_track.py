@@ -62,7 +62,7 @@ TYRES = [stiffer(C[f"{axle}_cornering_stiffness_factor"]) for axle in ("front", 
 KPH, T = 1.0 / 3.6, 1e-3
 PLANT = CAR.plant(chassis="two_track")
 CHANNEL = {name: i for i, (name, _) in enumerate(plant.channels(PLANT))}
-NAMES = [name for name, _ in plant.states(PLANT)]
+NAMES = [name for name, _ in plant.state_names(PLANT)]
 CHASSIS = slice(NAMES.index("body_speed_x"), NAMES.index("body_speed_x") + len(STATES))
 OUT = {name: i for i, (name, _) in enumerate(OUTPUTS)}
 D = PLANT.chassis.body[0]

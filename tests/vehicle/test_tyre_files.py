@@ -72,7 +72,7 @@ def with_key(version, section, key, value):
 
 @pytest.fixture(autouse=True)
 def _nothing_told(monkeypatch):
-    monkeypatch.setattr(check, "_TOLD", set())
+    monkeypatch.setattr(check, "_WARNED", set())
 
 
 @pytest.fixture
@@ -462,7 +462,7 @@ def test_a_drive_beyond_the_range_is_told_in_its_results(chassis, path):
     assert found.keys() == ({"F_z", "alpha"} if slips else {"F_z"})
     notes = next(iter(evaluate(recording).values())).notes
     assert any(f"to {largest:.4g} N" in note and "200 to 4400 N" in note for note in notes)
-    page = assessment.page_of(assessment.assess({"own": recording}), {"own": recording}).html()
+    page = assessment.make_page(assessment.assess({"own": recording}), {"own": recording}).html()
     assert all(note in page for note in notes)
     usual = manoeuvres.drive(base, weave, "masing")
     assert "beyond_tyre" not in usual.meta

@@ -14,7 +14,7 @@ from steer_env.connect.udp import Server
 from steer_env.manoeuvres.common.driving import drive_plant
 from steer_env.vehicle import cars, plant, subsystems
 from steer_env.vehicle.cars import Car
-from steer_env.vehicle.layout import layout_of
+from steer_env.vehicle.layout import plant_layout
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 from tests.verification.common.rows import Row, at_most, verdict
 
@@ -101,7 +101,7 @@ def _left(p: plant.Plant, coupled: Coupled) -> float:
 
 def _undivided(p: plant.Plant) -> complex:
     """Rack force that acts on the steering over the rack travel of the undivided car, at ``FREQUENCY``."""
-    state, row, at = plant.initial_state(p), np.zeros((1, len(plant.channels(p)))), layout_of(p)
+    state, row, at = plant.initial_state(p), np.zeros((1, len(plant.channels(p)))), plant_layout(p)
     force, rack = [], []
     for u in _sine():
         s = (state[at.steps] + 0.5) / plant.STEPS_PER_CHASSIS_STEP

@@ -22,7 +22,7 @@ def rows() -> Iterator[Row]:
     """Shipped policies on held-out episodes beside classical controllers on the same terms, and their stability."""
     yield from _double_lane_change()
     for name in friction.available():
-        if name == policy.about(policy.shipped_policy(ASSIST))["friction"]:
+        if name == policy.read_description(policy.shipped_policy(ASSIST))["friction"]:
             continue
         feeling = _shipped(ASSIST, "boost", friction=name)
         less = -feeling.gaps["boost"]["rms_feel_error"].high / feeling.values["boost"]["rms_feel_error"].value
@@ -51,7 +51,9 @@ def _double_lane_change() -> Iterator[Row]:
     person = shift.person(tasks.task("DriverDoubleLaneChange"))
 
     def found(make: Maker, options: Mapping[str, float] | None = None) -> held_out.Episodes:
-        return held_out.collect(DRIVER, make, CASES, options=options, **policy.conditions(policy.about(path)))
+        return held_out.collect(
+            DRIVER, make, CASES, options=options, **policy.conditions(policy.read_description(path))
+        )
 
     def clean(episodes: held_out.Episodes) -> float:
         return held_out.summary(episodes)["clean_share"].value
@@ -71,7 +73,9 @@ def _double_lane_change() -> Iterator[Row]:
 def _shipped(env_id: str, baseline: str, **more: Any) -> policy_report.Evaluation:
     path = policy.shipped_policy(env_id)
     controllers = {"policy": policy.load(path), baseline: baselines(env_id)[baseline]}
-    return policy_report.evaluate(env_id, controllers, CASES, **policy.conditions(policy.about(path)), **more)
+    return policy_report.evaluate(
+        env_id, controllers, CASES, **policy.conditions(policy.read_description(path)), **more
+    )
 
 
 def _training_share(env_id: str, rollouts: int = 3) -> float:

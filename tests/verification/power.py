@@ -11,7 +11,7 @@ from steer_env import friction
 from steer_env.vehicle import cars, plant
 from steer_env.vehicle.chassis import available, two_track
 from steer_env.vehicle.constants import GRAVITY
-from steer_env.vehicle.layout import layout_of
+from steer_env.vehicle.layout import plant_layout
 from tests.verification.common import power
 from tests.verification.common.rows import Row, at_most
 from tests.verification.common.two_track_power import at_tie_rods, energies, powers
@@ -118,7 +118,7 @@ def _work_on_two_tracks(car: cars.Car, speed: float, u: Array) -> dict[str, floa
     """Work of each term of the power balance over a run, changes of energy, and what is left of the balance [J]."""
     p = car.plant("lugre", speed, robot=True, chassis="two_track")
     _, passed = power.recorded(p, u, plant.initial_state(p))
-    at = layout_of(p)
+    at = plant_layout(p)
     passed = passed[passed[:, at.steps] == 0.0]  # at the evaluations of the chassis
     x, dx, out = (
         passed[:, a:b] for a, b in ((at.chassis, at.rate), (at.rate, at.rate_before), (at.outputs, at.outputs_before))

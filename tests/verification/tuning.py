@@ -27,7 +27,7 @@ def rows() -> Iterator[Row]:
     posed = problem.make(cars.load(CAR), targets.load(CAR))
     shares = tuning.largest_effects(posed, sweep)
     cases = [
-        tuning.job_of(posed, shares, Path(), BUDGET, sampler=name, seed=i) for name in SAMPLERS for i in range(SEEDS)
+        tuning.make_job(posed, shares, Path(), BUDGET, sampler=name, seed=i) for name in SAMPLERS for i in range(SEEDS)
     ]
     found = sweep(_course, cases)
     courses = dict(zip(SAMPLERS, (found[:SEEDS], found[SEEDS:])))

@@ -24,7 +24,7 @@ from steer_env.vehicle import plant
 from steer_env.vehicle.analysis import linearised
 from steer_env.vehicle.analysis.linearised import Point
 from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST, RACK_DISTURBANCE
-from steer_env.vehicle.layout import layout_of, states
+from steer_env.vehicle.layout import plant_layout, state_names
 from steer_env.vehicle.plant import CHASSIS_STEP
 from steer_env.vehicle.steering import eps
 from steer_env.vehicle.steering.assist.functions import Functions
@@ -87,7 +87,7 @@ def transmitted(point: Point, factor: float) -> Point:
 def _requested(point: Point, a: eps.Assist, factor: float) -> Point:
     """The point with another assist, of ``factor`` times the boost, and a request that keeps the motor's torque."""
     p, state, u = frozen(point.plant._replace(assist=a)), point.state.copy(), point.inputs.copy()
-    at = layout_of(p).assist
+    at = plant_layout(p).assist
     state[at + eps.LEAD_STATE] *= factor
     trial, row = state.copy(), np.zeros((1, len(plant.channels(p))))
     plant.run(p, trial, u[None, :], row, 1)
@@ -117,7 +117,7 @@ def open_loop(point: Point) -> Loop:
     two_samples = control.ss(
         A1 @ A0, np.hstack([A1 @ B0, B1]), np.vstack([C, C @ A0]),
         np.block([[np.zeros((3, 4))], [C @ B0, np.zeros((3, 2))]]), CHASSIS_STEP,
-        states=[states(p)[i][0] for i in index[read]],
+        states=[state_names(p)[i][0] for i in index[read]],
         inputs=[*INPUTS, *(f"{name}_of_second" for name in INPUTS)],
         outputs=[*OUTPUTS, *(f"{name}_of_second" for name in OUTPUTS)],
     )  # fmt: skip

@@ -17,7 +17,7 @@ from steer_env.vehicle import plant
 from steer_env.vehicle.analysis.linearised import FRICTIONLESS, transition
 from steer_env.vehicle.cars import SPEED_MAX, Car
 from steer_env.vehicle.chassis.common.interface import HAND, INPUTS, WHEELS
-from steer_env.vehicle.layout import layout_of
+from steer_env.vehicle.layout import plant_layout
 from steer_env.vehicle.plant import CHANNEL, CHASSIS_STEP, Plant
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
@@ -29,7 +29,7 @@ FASTEST_MODE = 50.0  # frequency up to which modes are returned, where the step 
 SPIN_SIDESLIP = 0.5  # sideslip angle beyond which the car counts as spinning, assumed [rad]
 WINDOW = 2.0  # over which the amplitude is read [s]
 FREE_TIME = 6.0  # after the pulse until the motion is judged [s]
-SMALL = math.radians(0.5)  # amplitude of the yaw rate that may remain [rad/s]
+SETTLED_AMPLITUDE = math.radians(0.5)  # amplitude of the yaw rate that may remain [rad/s]
 STUCK = math.radians(0.02)  # amplitude below which the yaw rate counts as at rest, assumed [rad/s]
 LOWEST, STRIDE = 10.0, 5.0  # speeds that are tried before the bisection for the limit, assumed [m/s]
 
@@ -56,7 +56,7 @@ def modes(p: Plant) -> NDArray[np.complex128]:
     free = p._replace(friction=FRICTIONLESS, robot=0.0)
     matrix, index = transition(free)
     z, left, right = eig(matrix, left=True)
-    steering = index < layout_of(free).assist  # handwheel and column
+    steering = index < plant_layout(free).assist  # handwheel and column
     with np.errstate(divide="ignore", invalid="ignore"):  # the zeros of the multi-step rules have no exact vectors
         shares = np.abs(left.conj() * right) / np.abs(np.sum(left.conj() * right, axis=0))
         rates = np.log(z) / CHASSIS_STEP
@@ -123,7 +123,7 @@ class Pulse(NamedTuple):
     @property
     def settles(self) -> bool:
         """Whether the motion decays, and from 6 s on its amplitude remains below 0.5 deg/s."""
-        return self.decays and bool(np.all(self.amplitudes < SMALL))
+        return self.decays and bool(np.all(self.amplitudes < SETTLED_AMPLITUDE))
 
     @property
     def verdict(self) -> str:

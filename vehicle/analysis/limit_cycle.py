@@ -32,7 +32,7 @@ from steer_env.friction.numerics.frozen import frozen
 from steer_env.vehicle import plant
 from steer_env.vehicle.analysis import assist_loop
 from steer_env.vehicle.analysis.linearised import Point
-from steer_env.vehicle.analysis.operating_point import held
+from steer_env.vehicle.analysis.operating_point import with_hands
 from steer_env.vehicle.steering.eps import SAMPLE_TIME, boost_curve
 from steer_env.vehicle.steering.linear import answer
 
@@ -182,7 +182,7 @@ def simulate(point: Point, law: Any, amplitude: float, time: float = 20.0) -> Mo
     time : float
         Of the simulation [s].
     """
-    start = held(point, "on" if point.plant.robot else "off", law)
+    start = with_hands(point, "on" if point.plant.robot else "off", law)
     p, state, n = start.plant, start.state.copy(), round(time / SAMPLE_TIME)
     state[plant.column.COLUMN_ANGLE] += amplitude
     record = np.zeros((n, len(plant.channels(p))))

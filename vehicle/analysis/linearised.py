@@ -29,7 +29,7 @@ from steer_env.vehicle.chassis.common.interface import (
     INPUTS,
     RACK_DISTURBANCE,
 )
-from steer_env.vehicle.layout import layout_of, states
+from steer_env.vehicle.layout import plant_layout, state_names
 from steer_env.vehicle.plant import CHASSIS_STEP, STEPS_PER_CHASSIS_STEP, Plant
 from steer_env.vehicle.steering.assist.friction_compensation import LIMITED
 from steer_env.vehicle.steering.assist.functions import FRICTION, Functions
@@ -45,7 +45,7 @@ _LEFT_OUT = {"steps_since_evaluation", "gear", "shift_time_left"} | {
     f"{name}_{stored}" for name, _ in INPUTS[RACK_DISTURBANCE + 1 :] for stored in ("mean", "at_evaluation")
 }
 _FORCES = {"N": 1e-2, "N m": 1e-4}  # step of the differences of an input by its unit; of an angle or speed 1e-7
-_PLACE = {"x", "y"}  # channels without a steady value in cornering
+_POSITION_CHANNELS = {"x", "y"}  # channels without a steady value in cornering
 
 
 def slope(f: Callable[[float], Array], step: float, side: int = 0) -> Array:
@@ -72,7 +72,7 @@ def by_state(
     and the position of that one.
     """
     row = np.zeros((1, len(plant.channels(p))))
-    index = np.array([i for i, (name, _) in enumerate(states(p)) if not name.startswith(tuple(_LEFT_OUT))])
+    index = np.array([i for i, (name, _) in enumerate(state_names(p)) if not name.startswith(tuple(_LEFT_OUT))])
 
     def end(i: int, change: float) -> Array:
         after = _changed(p, state, i, change)
@@ -88,7 +88,7 @@ def _changed(p: Plant, state: Array, i: int, change: float) -> Array:
     The torque of a friction compensation's observer follows the memory of its law, or it would not be differentiable:
     a change of the memory changes the torque, and the torque is not changed alone.
     """
-    after, f, at = state.copy(), p.assist.functions, layout_of(p)
+    after, f, at = state.copy(), p.assist.functions, plant_layout(p)
     after[i] += change
     if isinstance(f, Functions) and (size := f.friction_compensation.memory_size):
         memory, limited, law = at.memory - size, at.functions + FRICTION + LIMITED, f.friction_compensation.law
@@ -211,7 +211,7 @@ def _steps(p: Plant, state: Array) -> Array:
 
     The step equations are linear in the torques and in the stored values, which take large steps.
     """
-    at, found = layout_of(p), 1e-6 * np.maximum(1.0, np.abs(state))
+    at, found = plant_layout(p), 1e-6 * np.maximum(1.0, np.abs(state))
     found[: at.assist] = found[at.memory :] = 1e-6
     found[at.assist : at.chassis] = found[at.rate : at.motor] = 1e-3
     found[at.functions : min(at.functions + FRICTION, at.memory)] = 1e-3  # filters of the assist's functions
@@ -253,7 +253,7 @@ def linearise(point: Point, coarser: float = 1.0) -> control.StateSpace:
     labels = ["handwheel_angle", "handwheel_speed"] if p.robot else ["hand_torque"]
     return control.ss(
         A, total, C, D, CHASSIS_STEP,
-        states=[states(p)[i][0] for i in index[kept]],
+        states=[state_names(p)[i][0] for i in index[kept]],
         inputs=[f"{name}_input" if name.startswith("handwheel") else name for name in labels]
         + [INPUTS[i][0] for i in others],
         outputs=names,
@@ -290,7 +290,7 @@ def _outputs(
 ) -> tuple[Array, Array, list[str]]:
     """Derivatives of the channels by states and inputs, and their names."""
     p, names = point.plant, [name for name, _ in plant.channels(point.plant)]
-    shown = [i for i, name in enumerate(names) if name not in _PLACE]
+    shown = [i for i, name in enumerate(names) if name not in _POSITION_CHANNELS]
 
     def row(i: int | None, j: int | None, change: float) -> Array:
         state, u = point.state.copy(), point.inputs.copy()

@@ -2,8 +2,9 @@
 
 A point solves x = f(x, hand angle) for the states after a chassis step, with the torque of the torsion bar where that
 is given, by Newton's rule from a slow ramp of the handwheel angle (P8). It is that of the car without friction, the
-middle of the hysteresis; :func:`held` gives it other hands, and friction at rest. The compensation of friction by the
-assist follows it: while friction slides, so does its observer, at a constant torque; at rest it acts by its own slope.
+middle of the hysteresis; :func:`with_hands` gives it other hands, and friction at rest. The compensation of friction by
+the assist follows it: while friction slides, so does its observer, at a constant torque; at rest it acts by its own
+slope.
 """
 
 import math
@@ -21,7 +22,7 @@ from steer_env.vehicle import plant
 from steer_env.vehicle.analysis.linearised import FRICTIONLESS, Point, by_input, transition
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST, HAND, HAND_SPEED, INPUTS, WHEELS
-from steer_env.vehicle.layout import layout_of
+from steer_env.vehicle.layout import plant_layout
 from steer_env.vehicle.plant import CHANNEL, STEPS_PER_CHASSIS_STEP, Plant
 from steer_env.vehicle.steering.assist import friction_compensation, functions
 from steer_env.vehicle.steering.column import COLUMN_ANGLE, HANDWHEEL_ANGLE, HANDWHEEL_SPEED
@@ -29,11 +30,12 @@ from steer_env.vehicle.steering.eps import LEAD_STATE, Assist, boost_curve
 
 Array = NDArray[np.float64]
 
-HANDS = ("on", "off", "arms")
+HAND_MODES = ("on", "off", "arms")
 _AT_KNOT = 1e-9, 1e-2  # distance to a knot that counts as on it, and how far it is then moved [N m, m/s]
 _RAMP, _CHUNK = 20.0, 100  # duration of the ramp to the lock [s], samples between its stored states, assumed
 _RELAXED = 4000  # samples between Newton's steps, in which stored values follow and the body comes to rest; even
-_HELD = 100_000  # samples before them, in which a car with a drivetrain comes near the speed that it holds; even
+# Samples before them, in which a car with a drivetrain comes near the speed that it holds; even
+_SPEED_HOLD_SAMPLES = 100_000
 _SPIN = 0.5  # sideslip angle at which the ramp ends, assumed [rad]
 
 
@@ -99,7 +101,7 @@ def _compensating(p: Plant, share: Array) -> Plant:
 
 def _rested(p: Plant, state: Array, torque: float) -> Array:
     """The state with the observer of the friction compensation in the middle of its hysteresis, as the friction is."""
-    found, at = state.copy(), layout_of(p)
+    found, at = state.copy(), plant_layout(p)
     observer = found[at.functions + functions.FRICTION : at.memory]
     observer[:] = 0.0
     observer[friction_compensation.GRIP : friction_compensation.GRIP + 1] = abs(torque)
@@ -170,7 +172,7 @@ def _newton(c: Cornering, wanted: float, above: bool) -> Point:
     u[HAND], u[ASSIST_REQUEST] = c.angles[k], boost
     state[HANDWHEEL_ANGLE], state[HANDWHEEL_SPEED] = c.angles[k], 0.0
     if "longitudinal_speed" in dict(plant.channels(p)):
-        plant.run(bare, state, np.tile(u, (_HELD, 1)), row, 1)
+        plant.run(bare, state, np.tile(u, (_SPEED_HOLD_SAMPLES, 1)), row, 1)
     for _ in range(20):
         plant.run(bare, state, np.tile(u, (_RELAXED, 1)), row, 1)
         rows, after = np.tile(u, (STEPS_PER_CHASSIS_STEP, 1)), state.copy()
@@ -181,7 +183,7 @@ def _newton(c: Cornering, wanted: float, above: bool) -> Point:
         off = np.append(after[index] - state[index], K_tb * (state[HANDWHEEL_ANGLE] - state[COLUMN_ANGLE]) - wanted)
         if np.all(np.abs(off) < 1e-10 * np.append(np.maximum(1.0, np.abs(state[index])), 1.0)):
             u[ASSIST_REQUEST] = 0.0
-            state[layout_of(p).assist + LEAD_STATE] = (1.0 - a.lead_b0) * boost
+            state[plant_layout(p).assist + LEAD_STATE] = (1.0 - a.lead_b0) * boost
             return Point(p, _rested(p, state, wanted), u, c.speed, c.compensated)
         J = np.zeros((index.size + 1, index.size + 1))
         J[:-1, :-1] = A - np.eye(index.size)
@@ -227,7 +229,9 @@ def _moved(grid: Array, values: Array, x: float, above: bool) -> tuple[Array, Ar
     return grid, values
 
 
-def held(point: Point, hands: str = "on", law: Any = None, arms: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Point:
+def with_hands(
+    point: Point, hands: str = "on", law: Any = None, arms: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> Point:
     """The same point with other hands, and with friction at rest.
 
     Parameters
@@ -246,7 +250,7 @@ def held(point: Point, hands: str = "on", law: Any = None, arms: tuple[float, fl
     ValueError
         Other hands, or arms without inertia, damping and stiffness.
     """
-    one_of("hands", hands, HANDS)
+    one_of("hands", hands, HAND_MODES)
     if (hands == "arms") != any(arms):
         raise ValueError("hands='arms' needs arms=(inertia, damping, stiffness), and other hands have none")
     p, state, u = point.plant, point.state, point.inputs.copy()
@@ -259,5 +263,5 @@ def held(point: Point, hands: str = "on", law: Any = None, arms: tuple[float, fl
         p = p._replace(friction=frozen(resting))
         if point.compensated is not None:
             p = _compensating(p, point.compensated)
-        state = np.append(state[: layout_of(p).memory], np.zeros(law_of(resting).memory_size(resting)))
+        state = np.append(state[: plant_layout(p).memory], np.zeros(law_of(resting).memory_size(resting)))
     return point._replace(plant=p, state=state, inputs=u)

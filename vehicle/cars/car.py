@@ -68,7 +68,7 @@ class Car(NamedTuple):
     @property
     def kind(self) -> str:
         """The kind of its steering: ``column_eps``, or the section of the car file that gives another one."""
-        return kinds.named(self.given)
+        return kinds.kind_of_sections(self.given)
 
     @property
     def friction(self) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 
 from steer_env.friction.numerics.check import parameters_of
 from steer_env.vehicle import tyre
-from steer_env.vehicle.cars.keys import CONSTRUCTORS, TEXTS
+from steer_env.vehicle.cars.keys import CONSTRUCTORS, TEXT_KEYS
 from steer_env.vehicle.keys import declared_keys
 from steer_env.vehicle.steering.kinds import common as kinds
 from steer_env.vehicle.suspension.macpherson import MacPherson
@@ -46,7 +46,7 @@ def data(car: "Car") -> dict[str, Any]:
     if (strut.points, strut.loaded_radius) != (car.strut.points, car.strut.loaded_radius):
         raise ValueError(f"strut {BY_HAND}")
     found = {
-        **{key: getattr(car, key) for key in TEXTS},
+        **{key: getattr(car, key) for key in TEXT_KEYS},
         "assumed": list(given["assumed"]),
         "tyre": tyre.data(car.tyre),
         "strut": given["strut"],
@@ -134,7 +134,7 @@ def write(car: "Car", path: str | os.PathLike[str], comments: bool = False) -> N
 
 def text(car: "Car", comments: bool = False) -> str:
     """The text of the ``.toml`` file that :func:`write` writes, with its errors."""
-    return _toml(data(car), comments_of() if comments else {})
+    return _toml(data(car), key_comments() if comments else {})
 
 
 def _toml(contents: Mapping[str, Any], comments: Mapping[str, str], section: str = "") -> str:
@@ -158,7 +158,7 @@ def _toml(contents: Mapping[str, Any], comments: Mapping[str, str], section: str
     return "\n".join([*lines, "", *tables])
 
 
-def comments_of() -> dict[str, str]:
+def key_comments() -> dict[str, str]:
     """A comment for the file, for each section and for each key, in the form that a written file takes."""
     keys = {
         f"{section}.{key}": f"{about.meaning}{f' [{about.unit}]' if about.unit else ''}; {about.allowed}"

@@ -23,7 +23,7 @@ from steer_env.vehicle.cars.keys import (
     OF_KINDS,
     SECTIONS,
     TABLES,
-    TEXTS,
+    TEXT_KEYS,
     numbers,
     require,
     require_known,
@@ -34,7 +34,7 @@ from steer_env.vehicle.steering.kinds import common as kinds
 from steer_env.vehicle.suspension import kinematics_table
 from steer_env.vehicle.suspension.macpherson import MacPherson
 
-DATA = Path(__file__).parents[1] / "data" / "cars"
+CAR_FOLDER = Path(__file__).parents[1] / "data" / "cars"
 PRESSED = 0.006  # rack travel beyond the limit that the end stop gives way under 12 kN [m]
 
 
@@ -89,7 +89,7 @@ def _checked(data: dict[str, Any]) -> Car:
 def _kinematics(strut: MacPherson, rack_limit: float) -> kinematics_table.KinematicsTable:
     """The table of a strut as far as the rack goes when it is pressed against its stop; cars share it."""
     try:
-        return kinematics_table.build(strut, rack=rack_limit + PRESSED)
+        return kinematics_table.tabulate_strut(strut, rack=rack_limit + PRESSED)
     except ValueError as error:
         raise ValueError(
             f"steering.rack_limit must leave the strut {1e3 * PRESSED:g} mm beyond it, got {rack_limit:g}: {error}"
@@ -101,7 +101,7 @@ def _at_column(data: dict[str, Any], pinion_radius: float) -> dict[str, Any]:
 
     A boost table in the units of the kind becomes that of the assist, which the tools of the assist then change.
     """
-    name = kinds.named(data)
+    name = kinds.kind_of_sections(data)
     if name == kinds.COLUMN_EPS:
         return data
     kind, found = kinds.KINDS[name], dict(data)
@@ -149,7 +149,7 @@ def _tyre(given: Any) -> tyre.Tyre:
 
 def _require_text(data: dict[str, Any]) -> None:
     """Raise ValueError unless names and descriptions are text."""
-    for key in (*TEXTS, "tyre", "strut"):
+    for key in (*TEXT_KEYS, "tyre", "strut"):
         if not isinstance(data[key], str | PathLike) and not (key == "tyre" and isinstance(data[key], Mapping)):
             raise ValueError(f"{key} must be text, got {data[key]!r}")
     keys = data["assumed"]
@@ -205,7 +205,7 @@ def _construct(section: str, given: Any) -> Any:
 
 def available() -> tuple[str, ...]:
     """Names of the packaged cars."""
-    return tuple(sorted(file.stem for file in DATA.glob("*.json")))
+    return tuple(sorted(file.stem for file in CAR_FOLDER.glob("*.json")))
 
 
 def load(
@@ -250,7 +250,7 @@ def load(
             f"vehicle must be a name, a path, a Car or a mapping as a car file, got a {type(name).__name__}"
         )
     else:
-        car = _from_file(Path(name)) if _is_file(name) else _packaged(fspath(name))
+        car = _from_file(Path(name)) if _is_file(name) else _packaged_car(fspath(name))
     if steering is not None:
         car = _with_steering(car, steering)
     return _change(*_contents(car), changes) if changes else car
@@ -261,13 +261,13 @@ def _with_steering(car: Car, kind: str) -> Car:
     if car.kind == one_of("steering", kind, kinds.available()):
         return car
     counterpart = f"{car.name}_{kind}"
-    if car.name not in available() or counterpart not in available() or _packaged(car.name) is not car:
-        there = ", ".join(name for name in available() if _packaged(name).kind == kind)
+    if car.name not in available() or counterpart not in available() or _packaged_car(car.name) is not car:
+        there = ", ".join(name for name in available() if _packaged_car(name).kind == kind)
         raise ValueError(
             f"steering={kind!r}: {car.name} has {car.kind}, and no packaged car is its counterpart; give a car that "
             f"has it ({there}), or a car file" + (f" with a section {kind}" if kind in OF_KINDS else "")
         )
-    return _packaged(counterpart)
+    return _packaged_car(counterpart)
 
 
 def changer(car: Car) -> Callable[[Mapping[str, Any]], Car]:
@@ -283,11 +283,11 @@ def _contents(car: Car) -> tuple[dict[str, Any], list[str]]:
 
 def _change(known: Mapping[str, Any], usual_before: Sequence[str], changes: Mapping[str, Any]) -> Car:
     """A car of known contents with other values of some keys, with a warning of what is unusual only since."""
-    kind = kinds.named(known)
+    kind = kinds.kind_of_sections(known)
     data = {key: dict(value) if isinstance(value, dict) else value for key, value in known.items()}
     for name, value in changes.items():
         section, _, key = name.partition(".")
-        if name in (*TEXTS, "assumed", "tyre", "strut"):
+        if name in (*TEXT_KEYS, "assumed", "tyre", "strut"):
             data[name] = value
         elif key and (section in TABLES or (section in OF_KINDS and section == kind)):
             data[section][key] = value
@@ -296,7 +296,7 @@ def _change(known: Mapping[str, Any], usual_before: Sequence[str], changes: Mapp
         else:
             sections = (*TABLES, *(name for name in OF_KINDS if name == kind))
             tables = ", ".join(f"{name}.KEY" for name in sections)
-            raise ValueError(f"a car has no {name!r}; it has {tables}, {', '.join(TEXTS)}, assumed, tyre and strut")
+            raise ValueError(f"a car has no {name!r}; it has {tables}, {', '.join(TEXT_KEYS)}, assumed, tyre and strut")
     changed = _checked(data)
     for text in plausible.unusual(changed):
         if text not in usual_before:
@@ -309,15 +309,15 @@ def _is_file(name: str | PathLike[str]) -> bool:
 
 
 @lru_cache
-def _packaged(name: str) -> Car:
+def _packaged_car(name: str) -> Car:
     return from_data(_data(name))
 
 
 def _data(name: str) -> dict[str, Any]:
     if name not in available():
         raise ValueError(f"vehicle must be a .toml or .json file or one of {', '.join(available())}, got {name!r}")
-    data = json.loads((DATA / f"{name}.json").read_text(encoding="utf-8"))
-    return _complete(data, name, DATA) if "base" in data else data
+    data = json.loads((CAR_FOLDER / f"{name}.json").read_text(encoding="utf-8"))
+    return _complete(data, name, CAR_FOLDER) if "base" in data else data
 
 
 def _from_file(path: Path) -> Car:
@@ -352,7 +352,7 @@ def _complete(given: Any, name: str, folder: Path) -> Any:
         sections = {
             key: {**base.get(key, {}), **data[key]} for key in (*TABLES, *OF_KINDS) if isinstance(data.get(key), dict)
         }
-        if data.keys() - set(TEXTS):  # numbers of its own, of which the source of the base says nothing
+        if data.keys() - set(TEXT_KEYS):  # numbers of its own, of which the source of the base says nothing
             base["source"] = f"not told of what the file gives itself; of the rest: {base['source']}"
         data = {**base, "name": name, **data, **sections}
     if isinstance(data, dict) and str(data.get("tyre", "")).endswith(".tir"):

@@ -16,9 +16,9 @@ CONSTRUCTORS: dict[str, Callable[..., Any]] = {
     "brakes": brakes.make,
     "speed_hold": speed_hold.make,
 }
-TEXTS = ("name", "description", "source")
+TEXT_KEYS = ("name", "description", "source")
 TABLES = ("chassis", "steering", *CONSTRUCTORS)
-SECTIONS = (*TEXTS, "assumed", "tyre", "strut", *TABLES)
+SECTIONS = (*TEXT_KEYS, "assumed", "tyre", "strut", *TABLES)
 OF_KINDS = KINDS.available()  # sections of which a car has one at most
 
 

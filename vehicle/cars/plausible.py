@@ -130,7 +130,7 @@ def _functions_to_the_limit(car: "Car") -> float:
     return stability.functions_to_the_limit(car.column, car.assist)
 
 
-def _of(section: str, key: str) -> Quantity:
+def _declared_quantity(section: str, key: str) -> Quantity:
     """A number of a car file as it is; ``keys.toml`` declares what is usual."""
 
     def value(car: "Car") -> float:
@@ -153,16 +153,16 @@ def _axle(axle: str) -> list[Quantity]:
             f"{axle} damping ratio", f"{damper}, {spring}, {masses}", "1", _damping_ratio(axle), 0.1, 0.7, GILLESPIE
         ),
         Quantity(stiffness, f"tyre, {factor}, {axles}", "1/rad", _stiffness_over_load(axle), 8.0, 30.0),
-        _of("chassis", factor),
-        _of("chassis", f"{axle}_track"),
-        _of("chassis", f"{axle}_bump_clearance"),
+        _declared_quantity("chassis", factor),
+        _declared_quantity("chassis", f"{axle}_track"),
+        _declared_quantity("chassis", f"{axle}_bump_clearance"),
     ]
 
 
 _AXLES = "front_axle, rear_axle"
 _ROLL = "front_spring, rear_spring, front_anti_roll, rear_anti_roll, sprung_mass, sprung_height"
 _PLACED: tuple[Quantity, ...] = (
-    _of("chassis", "mass"),
+    _declared_quantity("chassis", "mass"),
     Quantity("wheelbase", _AXLES, "m", _wheelbase, 1.8, 3.8),
     Quantity("share of the weight on the front axle", _AXLES, "1", _front_share, 0.35, 0.65),
     Quantity("share of the unsprung masses", "sprung_mass, mass", "1", _unsprung_share, 0.05, 0.20),
@@ -170,27 +170,27 @@ _PLACED: tuple[Quantity, ...] = (
         "dynamic index k^2/(a b) of yaw", f"yaw_inertia, mass, {_AXLES}", "1", _dynamic_index, 0.65, 1.2, PUBLISHED
     ),
     Quantity("roll gradient", _ROLL, "deg/g", _roll_gradient, 1.5, 10.0, MILLIKEN),
-    _of("chassis", "sprung_height"),
-    _of("chassis", "rear_roll_centre"),
+    _declared_quantity("chassis", "sprung_height"),
+    _declared_quantity("chassis", "rear_roll_centre"),
     *_axle("front"),
     *_axle("rear"),
-    _of("chassis", "rear_bump_steer"),
-    _of("chassis", "rear_camber_gain"),
-    _of("chassis", "rear_lateral_compliance"),
-    _of("chassis", "drag_area"),
+    _declared_quantity("chassis", "rear_bump_steer"),
+    _declared_quantity("chassis", "rear_camber_gain"),
+    _declared_quantity("chassis", "rear_lateral_compliance"),
+    _declared_quantity("chassis", "drag_area"),
     Quantity("static deflection of the more loaded tyres", "tyre, mass", "m", _deflection, 0.008, 0.04),
     Quantity("radius of the tyre over the height of the wheel centre", "tyre, strut", "1", _radius_ratio, 1.02, 1.12),
     Quantity("steering ratio", "pinion_radius, strut", "1", lambda car: car.steering_ratio(), 10.0, 25.0, SETS),
-    _of("steering", "pinion_radius"),
-    _of("steering", "rack_limit"),
-    _of("steering", "compliance"),
-    _of("steering", "friction_load"),
-    _of("column", "I1"),
-    _of("column", "I2"),
-    _of("column", "K_tb"),
-    _of("column", "C_tb"),
-    _of("column", "C1"),
-    _of("column", "C2"),
+    _declared_quantity("steering", "pinion_radius"),
+    _declared_quantity("steering", "rack_limit"),
+    _declared_quantity("steering", "compliance"),
+    _declared_quantity("steering", "friction_load"),
+    _declared_quantity("column", "I1"),
+    _declared_quantity("column", "I2"),
+    _declared_quantity("column", "K_tb"),
+    _declared_quantity("column", "C_tb"),
+    _declared_quantity("column", "C1"),
+    _declared_quantity("column", "C2"),
     Quantity(
         *("inertia compensation over the inertia below the torsion bar", "inertia_compensation, I2", "1"),
         *(_compensated_inertia, 0.0, 0.5),
@@ -208,11 +208,14 @@ def _others() -> list[Quantity]:
     """The declared ranges of keys that have no place of their own above."""
     placed = {q.name for q in _PLACED}
     keys = [(section, name) for section, of in declared_keys().items() for name, key in of.items() if key.usual]
-    return [_of(*key) for key in keys if ".".join(key) not in placed and key[0] not in OF_KINDS]
+    return [_declared_quantity(*key) for key in keys if ".".join(key) not in placed and key[0] not in OF_KINDS]
 
 
 USUAL = (*_PLACED, *_others())
-_OF_KIND = {name: [_of(name, key) for key, about in declared_keys()[name].items() if about.usual] for name in OF_KINDS}
+_OF_KIND = {
+    name: [_declared_quantity(name, key) for key, about in declared_keys()[name].items() if about.usual]
+    for name in OF_KINDS
+}
 
 
 def quantities(car: "Car") -> list[Quantity]:

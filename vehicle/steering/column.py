@@ -33,7 +33,7 @@ STATES = (
 )
 # Positions of these states, with which the state array of a plant begins.
 HANDWHEEL_ANGLE, HANDWHEEL_SPEED, COLUMN_ANGLE, COLUMN_SPEED = range(4)
-SCALES = 2 * sites.MOST  # of the friction, in both directions
+SCALES = 2 * sites.MOST_SITES  # of the friction, in both directions
 
 
 class Column(NamedTuple):

@@ -29,7 +29,7 @@ from steer_env.vehicle.keys import checked
 from steer_env.vehicle.steering import motor
 from steer_env.vehicle.steering.assist import damping as damping_law
 from steer_env.vehicle.steering.assist import functions
-from steer_env.vehicle.steering.assist.by_speed import between, by_speed, table
+from steer_env.vehicle.steering.assist.by_speed import by_speed, interpolate_cell, table
 from steer_env.vehicle.steering.assist.functions import Functions, NoFunctions
 from steer_env.vehicle.steering.motor import Motor, NoMotor
 
@@ -142,8 +142,10 @@ def make(
         offset=max(latency - samples * SAMPLE_TIME, 0.0),
         bandwidth=2.0 * math.pi * checked("assist", "bandwidth", bandwidth),
         limit=checked("assist", "limit", limit),
-        functions=functions.make(frozen(v), SAMPLE_TIME, **{key: more[key] for key in more if key not in motor.KEYS}),
-        motor=motor.make(**{key: more[key] for key in more if key in motor.KEYS}),
+        functions=functions.make(
+            frozen(v), SAMPLE_TIME, **{key: more[key] for key in more if key not in motor.MOTOR_KEYS}
+        ),
+        motor=motor.make(**{key: more[key] for key in more if key in motor.MOTOR_KEYS}),
     )
 
 
@@ -220,7 +222,7 @@ def boost_curve(a, torque, speed):
     low = a.boost[i, j] + s * (a.boost[i, j + 1] - a.boost[i, j])
     high = a.boost[i + 1, j] + s * (a.boost[i + 1, j + 1] - a.boost[i + 1, j])
     # (E4)
-    return math.copysign(low + u * (high - low), torque), between(a.damping, i, u)
+    return math.copysign(low + u * (high - low), torque), interpolate_cell(a.damping, i, u)
 
 
 @kernel

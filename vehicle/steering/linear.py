@@ -58,7 +58,7 @@ class System(NamedTuple):
 
 
 @lru_cache
-def _over(c: Column, bandwidth: float, time: float, free: bool) -> tuple[Array, Array]:
+def _column_over(c: Column, bandwidth: float, time: float, free: bool) -> tuple[Array, Array]:
     """The column's states (n,) after a time [s] by those before (n, n), and by its inputs (n, 3), which stay constant.
 
     Cached, as many assists share them. The inputs are command, handwheel speed or hand torque, and column torque.
@@ -128,7 +128,7 @@ def plant(c: Column, a: Assist, speed: float, *, free: bool = False) -> System:
     commands = np.vstack([command, queue])
     # The command changes within the sample: the old one acts for the offset, the new one for the rest.
     for time, acting in ((a.offset, queue[-1]), (SAMPLE_TIME - a.offset, commands[a.delay])):
-        by_state, by_input = _over(c, a.bandwidth, time, free)
+        by_state, by_input = _column_over(c, a.bandwidth, time, free)
         x = by_state @ x + by_input @ np.array([acting, hand, on_column])
     after = np.vstack([x, commands[:-1], derivative])
     inputs = ("request", "hand_torque" if free else "handwheel_speed", "column_torque")

@@ -24,7 +24,17 @@ from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.interpolation import bracket
 from steer_env.friction.numerics.kernel import COMPILED, dispatch, kernel
-from steer_env.friction.numerics.units import NONE, ONE, Function, Unit, array, caller, memory_size, part, values
+from steer_env.friction.numerics.units import (
+    RETURNS_NOTHING,
+    RETURNS_NUMBER,
+    Function,
+    Unit,
+    array,
+    caller,
+    memory_size,
+    part,
+    values,
+)
 from steer_env.vehicle.keys import checked
 from steer_env.vehicle.steering.assist.by_speed import table
 
@@ -109,7 +119,7 @@ def make(
     return frozen(Motor(ratio, v, t, voltage, power, continuous, time))
 
 
-KEYS = tuple(signature(make).parameters)
+MOTOR_KEYS = tuple(signature(make).parameters)
 
 
 def keys(m: "Motor | NoMotor") -> dict[str, Any]:
@@ -181,8 +191,8 @@ def _warmed_by(numbers, sizes, x, torque, h):
     _warmed(values(numbers, sizes), array(x, sizes), torque, h)
 
 
-FUNCTIONS = (Function(_limited_by, "pnn", ONE), Function(_warmed_by, "pnn", NONE))
-_limit, _warm = caller(ONE), caller(NONE)
+FUNCTIONS = (Function(_limited_by, "pnn", RETURNS_NUMBER), Function(_warmed_by, "pnn", RETURNS_NOTHING))
+_limit, _warm = caller(RETURNS_NUMBER), caller(RETURNS_NOTHING)
 
 
 @kernel

@@ -15,7 +15,7 @@ from steer_env.vehicle.chassis.common.interface import per_wheel
 from steer_env.vehicle.chassis.two_track import CHANNELS, YAW, TwoTrack, X, Y, Z
 from steer_env.vehicle.chassis.two_track.rotation import rotation, to_road
 from steer_env.vehicle.chassis.two_track.suspension import carriers, per_axle, sides
-from steer_env.vehicle.layout import layout
+from steer_env.vehicle.layout import layout_in_kernels
 from steer_env.vehicle.steering.column import COLUMN_ANGLE
 from steer_env.vehicle.subsystems.subsystem import Subsystem, channel_signals
 
@@ -27,8 +27,8 @@ _MEANINGS = {
     "wheel_inclination": "inclination to the road, positive where the top leans to the right",
 }
 _POSES = tuple(pose for name in _MEANINGS for pose in per_wheel(name, "m" if name[6:] in "xyz" else "rad"))
-NAMES = frozenset(name for name, _ in _POSES)
-_SIZE = len(_POSES)
+POSE_NAMES = frozenset(name for name, _ in _POSES)
+_POSE_COUNT = len(_POSES)
 _LATERAL_FORCE = len(CHANNELS) - [name for name, _ in CHANNELS].index("lateral_force_front_left")  # before the poses
 
 
@@ -45,13 +45,13 @@ def entry(numbers, tables, state, given, inputs, outputs):
 
 @kernel
 def _fill(p, state, row):
-    at = layout(p)
+    at = layout_in_kernels(p)
     x, d = state[at.chassis : at.rate], p.chassis.body[0]
     frame = rotation(x)
     wheels = carriers(d, p.strut, p.pinion_radius * state[COLUMN_ANGLE], 0.0, 0.0, x)
     y_i = sides() * per_axle(0.5 * d.t_f, 0.5 * d.t_r)
     r_x, r_y, r_z = to_road(frame, per_axle(d.a, -d.b), y_i, d.R_l - d.h + wheels.travel)
-    k = row.size - _SIZE
+    k = row.size - _POSE_COUNT
     store(row, k, x[X] + frame.c_y * r_x - frame.s_y * r_y)
     store(row, k + 4, x[Y] + frame.s_y * r_x + frame.c_y * r_y)
     store(row, k + 8, x[Z] + r_z)
@@ -69,10 +69,10 @@ def with_poses(subsystem: Subsystem) -> Subsystem:
         return subsystem
     return subsystem._replace(
         outputs=(*subsystem.outputs, *channel_signals(_POSES, _MEANINGS)),
-        shown=np.append(subsystem.shown, np.zeros(_SIZE)),
+        shown=np.append(subsystem.shown, np.zeros(_POSE_COUNT)),
     )
 
 
 def has_poses(subsystem: Subsystem) -> bool:
     """Whether a subsystem has the poses among its outputs."""
-    return subsystem.outputs[-1].name in NAMES
+    return subsystem.outputs[-1].name in POSE_NAMES

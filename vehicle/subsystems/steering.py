@@ -5,10 +5,10 @@ import numpy as np
 from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle import plant
-from steer_env.vehicle.layout import layout, size_of, states
+from steer_env.vehicle.layout import layout_in_kernels, state_names, state_size
 from steer_env.vehicle.steering.column import COLUMN_ANGLE, COLUMN_SPEED, HANDWHEEL_ANGLE, HANDWHEEL_SPEED
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
-from steer_env.vehicle.subsystems.car import FORCE, HANDS, input_signal
+from steer_env.vehicle.subsystems.car import FORCE, HAND_SIGNALS, input_signal
 from steer_env.vehicle.subsystems.subsystem import Signal, Subsystem, channel_signals, interpolate_hands, is_finite
 
 # Fields of the plant that belong to the chassis.
@@ -33,7 +33,7 @@ def begin(p, state):
 @kernel
 def advance(p, state, given, inputs, outputs, samples):
     """Advance the steering by a communication step of so many samples; whether its state is finite."""
-    at = layout(p)
+    at = layout_in_kernels(p)
     start, start_speed = state[HANDWHEEL_ANGLE], state[HANDWHEEL_SPEED]
     row = outputs[0]
     for i in range(samples):
@@ -54,7 +54,7 @@ def advance(p, state, given, inputs, outputs, samples):
 def subsystem(p: plant.Plant, speed: float) -> Subsystem:
     """The steering of a plant; ``speed`` is the start value of the vehicle's [m/s]."""
     given = (
-        *HANDS,
+        *HAND_SIGNALS,
         input_signal("assist_request"),
         Signal(
             "rack_force", "N", "force on the rack over the step, positive where it resists a left turn", 0.0, *FORCE
@@ -67,12 +67,12 @@ def subsystem(p: plant.Plant, speed: float) -> Subsystem:
         title="Steering: hands, rack force and vehicle speed in; handwheel, hand torque, rack travel and friction out",
         parameters=p,
         sections=tuple(field for field in p._fields if field not in OF_CHASSIS),
-        states=tuple(name for name, _ in states(p)),
+        states=tuple(name for name, _ in state_names(p)),
         given=given,
         given_size=len(given),
         outputs=outputs,
         inputs=1,
-        start=np.zeros(size_of(p)),
+        start=np.zeros(state_size(p)),
         shown=np.zeros(len(outputs)),
         zero_states=(),
         zero_outputs=(),

@@ -53,7 +53,7 @@ class Travel(NamedTuple):
     compression_rate: float  # its derivative [1]
 
 
-def build(
+def tabulate_strut(
     strut: MacPherson,
     rack: float = 0.075,
     travel: float = 0.080,
@@ -191,7 +191,7 @@ def _splines_and_weights(m, rack, travel):
 
 
 @kernel
-def left(m, rack, travel):
+def left_knuckle(m, rack, travel):
     """The left wheel: ``Knuckle`` at rack [m] and its travel [m]."""
     i, j, r, t = _splines_and_weights(m, rack, travel)
     k = i - i  # not a literal, for which numba would compile the patch once for each value
@@ -211,9 +211,9 @@ def left_travel(m, rack, travel):
 
 
 @kernel
-def right(m, rack, travel):
+def right_knuckle(m, rack, travel):
     """The right wheel: the mirror image of the left one at the opposite rack position, exact to the last bit."""
-    k = left(m, -rack, travel)
+    k = left_knuckle(m, -rack, travel)
     return Knuckle(-k.steer_angle, -k.inclination, -k.F_x_contact, -k.F_x_centre, k.F_y, -k.F_z, k.M_x, k.M_z)
 
 

@@ -161,17 +161,17 @@ POINTS = (
     *("strut_top", "strut_axis_lower_point", "tie_rod_outer", "tie_rod_inner"),
 )
 SHORTEST = 1e-3  # distance below which two points or lines count as meeting [m] (assumed)
-LOOSE = 1e6  # condition number of the constraints from which the knuckle counts as loose (assumed)
+LOOSE_CONDITION = 1e6  # condition number of the constraints from which the knuckle counts as loose (assumed)
 STRIDES = (0.010, 0.001)  # of the path to a pose; the short one where the long one does not converge [m]
 LARGEST_STEP = 0.3  # largest Newton step on a path; a larger one indicates the end of the range [m, rad]
 FARTHEST = 1.0  # largest rack or travel that is tried [m] (assumed)
 STRUT = [3, 4, 6]  # rows of the strut: across, across, along
-DATA = Path(__file__).parents[1] / "data" / "struts"
+STRUT_FOLDER = Path(__file__).parents[1] / "data" / "struts"
 
 
 def available() -> tuple[str, ...]:
     """Names of the packaged struts."""
-    return tuple(sorted(file.stem for file in DATA.glob("*.json")))
+    return tuple(sorted(file.stem for file in STRUT_FOLDER.glob("*.json")))
 
 
 class MacPherson:
@@ -212,7 +212,7 @@ class MacPherson:
         self._lengths = np.linalg.norm(np.array([ball, ball, at["tie_rod_outer"]]) - self._roots, axis=-1)
         self._rack_axis = np.array([0.0, 1.0, 0.0])
         jacobian = self._linkage(ball, np.eye(3), np.zeros(()), np.zeros(()))[1]
-        if np.linalg.cond(jacobian[:6]) > LOOSE:
+        if np.linalg.cond(jacobian[:6]) > LOOSE_CONDITION:
             value = self.points["wheel_centre"]
             raise ValueError(f"wheel_centre is {value}; allowed: where the linkage lets it move up and down")
         self._orientation = np.sign(np.linalg.det(jacobian[:6]))
@@ -227,7 +227,7 @@ class MacPherson:
         """The packaged set ``name``; ValueError lists the packaged sets."""
         if name not in available():
             raise ValueError(f"no strut named {name!r}; packaged: {', '.join(available())}")
-        data = json.loads((DATA / f"{name}.json").read_text(encoding="utf-8"))
+        data = json.loads((STRUT_FOLDER / f"{name}.json").read_text(encoding="utf-8"))
         return cls(data["points_m"], data["loaded_radius_m"])
 
     @staticmethod

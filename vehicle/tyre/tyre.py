@@ -490,7 +490,7 @@ def save(tyre: Tyre, path: str | os.PathLike) -> None:
     tir.write(path, to_file(tyre))
 
 
-_PARTS: dict[str, Any] = {"coefficients": MagicFormula, "limits": Limits, "pressure": PressureTerms}
+_TYRE_PARTS: dict[str, Any] = {"coefficients": MagicFormula, "limits": Limits, "pressure": PressureTerms}
 
 
 def data(tyre: Tyre) -> str | dict[str, Any]:
@@ -498,16 +498,16 @@ def data(tyre: Tyre) -> str | dict[str, Any]:
 
     ``load(data(tyre)) == tyre``; the mapping holds text and numbers only, as JSON and TOML do.
     """
-    if tyre.name in _packaged() and load(tyre.name) == tyre:
+    if tyre.name in _packaged_files() and load(tyre.name) == tyre:
         return tyre.name
     parts: dict[str, Any] = {each.name: getattr(tyre, each.name) for each in fields(tyre)}
-    return {name: value._asdict() if name in _PARTS else value for name, value in parts.items()}
+    return {name: value._asdict() if name in _TYRE_PARTS else value for name, value in parts.items()}
 
 
 def _from_data(given: Mapping[str, Any]) -> Tyre:
     """A tyre from a mapping as :func:`data` gives it; ValueError names a key that is unknown, missing or no number."""
     made = dict(given)
-    for part, kind in _PARTS.items():
+    for part, kind in _TYRE_PARTS.items():
         if part in given:
             if not isinstance(given[part], Mapping):
                 raise ValueError(f"tyre.{part} must hold keys and values, got {given[part]!r}")
@@ -519,18 +519,18 @@ def _from_data(given: Mapping[str, Any]) -> Tyre:
     return construct("tyre", Tyre, made)
 
 
-DATA = Path(__file__).parents[1] / "data" / "tyres"
+TYRE_FOLDER = Path(__file__).parents[1] / "data" / "tyres"
 EXAMPLES = ("example_mf52", "example_mf61", "example_mf62")  # of the formats: plausible numbers that nobody measured
 
 
 @cache
-def _packaged() -> dict[str, Path]:
-    return {file.stem: file for file in sorted(DATA.iterdir()) if file.suffix in (".json", ".tir")}
+def _packaged_files() -> dict[str, Path]:
+    return {file.stem: file for file in sorted(TYRE_FOLDER.iterdir()) if file.suffix in (".json", ".tir")}
 
 
 def available() -> tuple[str, ...]:
     """Names of the packaged tyres, without ``EXAMPLES``."""
-    return tuple(name for name in _packaged() if name not in EXAMPLES)
+    return tuple(name for name in _packaged_files() if name not in EXAMPLES)
 
 
 @cache
@@ -556,7 +556,7 @@ def load(name: str | os.PathLike | Mapping[str, Any] = "pacejka_2006_205_60r15",
     if isinstance(name, Mapping):
         return _from_data(name).symmetric() if symmetric else _from_data(name)
     name = os.fspath(name)
-    path = Path(name) if name.lower().endswith(".tir") else _packaged().get(name)
+    path = Path(name) if name.lower().endswith(".tir") else _packaged_files().get(name)
     if path is None:
         raise ValueError(
             f"tyre must be one of {', '.join(available())}, got {name!r}; "

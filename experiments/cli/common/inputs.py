@@ -5,11 +5,11 @@ from pathlib import Path
 
 from steer_env.experiments.cli.common import names
 
-KEPT = (".toml", ".json", ".dbc")  # files that say how something is done, whose text the trace keeps
+KEPT_SUFFIXES = (".toml", ".json", ".dbc")  # files that say how something is done, whose text the trace keeps
 LARGEST = 256_000  # of these [byte]; a larger one is looked up when the result is made again
 
 
-def of(args: argparse.Namespace) -> list[dict[str, str]]:
+def trace_inputs(args: argparse.Namespace) -> list[dict[str, str]]:
     """The files that a command line names, and the modules of ``--import`` with their own ones, as inputs of a trace.
 
     A file has a ``name``, a module a dotted name as ``module``. The files of the car are not among them, as the trace
@@ -26,7 +26,7 @@ def of(args: argparse.Namespace) -> list[dict[str, str]]:
         if path.suffix and word not in others and path.is_file():
             # A mapping of an external vehicle names a file beside it, so that it is looked up where it lies.
             beside = word == getattr(args, "chassis", None)
-            kept = path.suffix.lower() in KEPT and path.stat().st_size <= LARGEST and not beside
+            kept = path.suffix.lower() in KEPT_SUFFIXES and path.stat().st_size <= LARGEST and not beside
             found.append(provenance.input_file(word, kept))
     modules = own_modules.digests(args.modules)
     return [*found, *({"module": name, "sha256": digest} for name, digest in modules.items())]

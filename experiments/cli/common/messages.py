@@ -7,7 +7,7 @@ _NUMBER = r"(\d[\d.e+-]*\d|\d)"
 _SPEED = re.compile(rf"\bspeed \[m/s\]( must be [^;:]*, got -?{_NUMBER})")
 _LONGEST = 1500  # message [characters]
 # What a message says to people who write Python -> what it says at the command line.
-_WORDS = (
+_OPTION_WORDS = (
     (rf"\bfrequency_hz={_NUMBER}", r"--frequency-hz \1"),
     (r"\bbetween\(t0, t1\)", "--between T0 T1"),
     (rf"\bbetween\({_NUMBER}, {_NUMBER}\)", r"--between \1 \2"),
@@ -31,7 +31,7 @@ def in_options(text: str) -> str:
         inside = re.sub(_NUMBER, lambda each: f"{KPH * float(each[1]):.6g}", found[1])
         text = f"{text[: found.start()]}speed [km/h]{inside}{text[found.end() :]}"
     text = re.sub(rf"\bspeed_m_s={_NUMBER}", lambda found: f"--speed-kph {KPH * float(found[1]):.4g}", text)
-    for words, options in _WORDS:
+    for words, options in _OPTION_WORDS:
         text = re.sub(words, options, text)
     return text
 

@@ -14,7 +14,7 @@ from steer_env.experiments.pages.options import FRICTION, SITES, Friction
 from steer_env.recording import csv_file
 
 if TYPE_CHECKING:
-    from steer_env.experiments.explore.beside import Beside
+    from steer_env.experiments.explore.beside import PageBeside
     from steer_env.vehicle.cars import Car
 
 KPH = 1.0 / 3.6  # [m/s]
@@ -222,15 +222,15 @@ def add_live(parser: argparse._ActionsContainer, of: str) -> None:
     parser.add_argument("--live", action="store_true", help=f"{OPTIONS['--live'].text}: {of}")
 
 
-def live(args: argparse.Namespace) -> "type[Beside] | None":
+def live_page_beside(args: argparse.Namespace) -> "type[PageBeside] | None":
     """What is written beside a page, None without ``--live``; ValueError where its extra is missing."""
     if not args.live:
         return None
     extras.require("explore", "--live")
 
-    from steer_env.experiments.explore.beside import Beside
+    from steer_env.experiments.explore.beside import PageBeside
 
-    return Beside
+    return PageBeside
 
 
 def add_figures(parser: argparse._ActionsContainer) -> None:

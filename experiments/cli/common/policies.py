@@ -34,7 +34,7 @@ def env_id_of(given: str | None, controllers: Sequence[str]) -> str:
         raise ValueError(f"{folder} is a folder: give the policy.zip in it")
     if given is None and own is None:
         raise ValueError("--env must name the environment where no policy.zip is given")
-    return given or str(policy.about(Path(str(own)))["env"])
+    return given or str(policy.read_description(Path(str(own)))["env"])
 
 
 def caution(path: Path, about: Mapping[str, Any]) -> None:
@@ -49,14 +49,14 @@ def trace(args: argparse.Namespace, made: Mapping[str, Any]) -> dict[str, Any]:
     """The trace of an evaluation with these arguments of the environment."""
     from steer_env.experiments.pages import provenance
     from steer_env.friction import resolve
-    from steer_env.friction.sites import named
+    from steer_env.friction.sites import friction_name
     from steer_env.vehicle import cars
 
     car = cars.load(made.get("vehicle", "compact"))
     law = resolve(made.get("friction") or car.friction)
-    laws = {named(law): law}
+    laws = {friction_name(law): law}
     name = args.out.name
-    return provenance.trace(command=args.argv, result=name, car=car, friction=laws, inputs=inputs.of(args))
+    return provenance.trace(command=args.argv, result=name, car=car, friction=laws, inputs=inputs.trace_inputs(args))
 
 
 def evaluate_and_report(

@@ -26,11 +26,14 @@ NOTES = {
     "torn": "cut off where the drive ended, and left out",
 }
 
-SCALE = "torque_scale_error"
+TORQUE_SCALE_KEY = "torque_scale_error"
 # Condition -> how far two recordings that are compared may be apart, as far as one may be from what its test
 # prescribes; its option, the unit of that, and how many of it are one SI.
-APART = {"speed_m_s": (0.03, "--speed-kph", "km/h", 3.6), "frequency_hz": (0.1, "--frequency-hz", "Hz", 1.0)}
-MOST = 8  # recordings that are compared
+CONDITION_TOLERANCES = {
+    "speed_m_s": (0.03, "--speed-kph", "km/h", 3.6),
+    "frequency_hz": (0.1, "--frequency-hz", "Hz", 1.0),
+}
+MOST_RECORDINGS = 8  # recordings that are compared
 NO_NUMBERS = ("edition", "mirrored", "motor")  # conditions that the metrics check themselves
 
 
@@ -83,8 +86,8 @@ def assess(given: list[str], args: argparse.Namespace, tolerances: str | None, c
 
     paths = _expand_folders(given)
     require_format(paths)
-    if compare and not 2 <= len(paths) <= MOST:
-        raise ValueError(f"--compare takes two to {MOST} recordings, got {len(paths)}")
+    if compare and not 2 <= len(paths) <= MOST_RECORDINGS:
+        raise ValueError(f"--compare takes two to {MOST_RECORDINGS} recordings, got {len(paths)}")
     if len(args.mapping) > len(given):
         raise ValueError(f"{len(args.mapping)} mappings are given for {len(given)} recordings")
     check_can([*paths], args)
@@ -294,7 +297,7 @@ def _mapping_of(place: int, args: argparse.Namespace) -> str:
     return f" (mapping {args.mapping[place]})" if place < len(args.mapping) else ""
 
 
-def mapping_of(place: int, args: argparse.Namespace) -> Any:
+def load_mapping(place: int, args: argparse.Namespace) -> Any:
     """The mapping of a recording by its place among those that are given."""
     from steer_env.recording import channel_mapping
 
@@ -309,9 +312,11 @@ def _trace(args: argparse.Namespace, places: Mapping[str, int], result: str) -> 
     """What an assessment is made from, with what each recording was read through."""
     from steer_env.experiments.pages import provenance
 
-    chosen = {label: mapping_of(place, args) for label, place in places.items()}
+    chosen = {label: load_mapping(place, args) for label, place in places.items()}
     mapping = {label: one.plain() for label, one in chosen.items()}
-    return provenance.trace(command=unswept(args, "--suggest"), result=result, inputs=inputs.of(args), mapping=mapping)
+    return provenance.trace(
+        command=unswept(args, "--suggest"), result=result, inputs=inputs.trace_inputs(args), mapping=mapping
+    )
 
 
 def read(path: str, place: int, args: argparse.Namespace, lacks: bool = False) -> Any:
@@ -322,7 +327,7 @@ def read(path: str, place: int, args: argparse.Namespace, lacks: bool = False) -
     from steer_env.recording import can_log, files
     from steer_env.recording.recording import require_moderate
 
-    found = files.read(path, mapping_of(place, args), can=can_options(args))
+    found = files.read(path, load_mapping(place, args), can=can_options(args))
     lacking = [name for name in args.without if name not in found.channels] if lacks else []
     if lacking:
         print(f"{path}: has no {', '.join(lacking)}, which is left out of the others")
@@ -392,7 +397,7 @@ def _check_conditions(
     (test,) = set(tests.values())
     prescribed = metrics.conditions(test)
     found = {place: _conditions_of(place, recording.meta, prescribed) for place, recording in recordings.items()}
-    for key, (share, option, unit, size) in APART.items():
+    for key, (share, option, unit, size) in CONDITION_TOLERANCES.items():
         if key not in prescribed:
             continue
         if key in given:
@@ -431,8 +436,8 @@ def _conditions_of(place: str, meta: Mapping[str, Any], prescribed: Mapping[str,
     found = {**prescribed, **{key: meta[key] for key in prescribed if meta.get(key) is not None}}
     for key, value in found.items():
         if key in meta and key not in NO_NUMBERS and value is not None:
-            least = 0.0 if key in APART or prescribed[key] else -math.inf
+            least = 0.0 if key in CONDITION_TOLERANCES or prescribed[key] else -math.inf
             number(f"{place}: {key}", value, minimum=least, above=bool(prescribed[key]))
-    if SCALE in meta:
-        number(f"{place}: {SCALE}", meta[SCALE], minimum=0.0, maximum=1.0)
+    if TORQUE_SCALE_KEY in meta:
+        number(f"{place}: {TORQUE_SCALE_KEY}", meta[TORQUE_SCALE_KEY], minimum=0.0, maximum=1.0)
     return found

@@ -65,14 +65,14 @@ def runner(args: argparse.Namespace) -> "Runner":
         require("cluster", f"--cluster {args.cluster}")
 
     from steer_env.experiments import sweep
-    from steer_env.experiments.sweep.sweep import key_of
-    from steer_env.experiments.sweep.work import identity, name_of
+    from steer_env.experiments.sweep.sweep import case_key
+    from steer_env.experiments.sweep.work import identity, importable_name
 
     where = sweep.Where.parse(args.workers, args.cluster)
 
     def run(function: Callable[[Any], Any], cases: Iterable[Any], **options: Any) -> list[Any]:
         cases, options = list(cases), {**options, "where": where, "modules": args.modules}
-        place = _folder() / key_of(name_of(function), cases, {})
+        place = _folder() / case_key(importable_name(function), cases, {})
         try:
             store = sweep.Store(place, identity([function.__module__, *args.modules]), args.resume)
         except OSError as error:
@@ -106,10 +106,10 @@ def _folder() -> Path:
 
 def _prune(place: Path) -> None:
     """Delete what sweeps have left long ago."""
-    from steer_env.experiments.sweep.store import ABOUT
+    from steer_env.experiments.sweep.store import ABOUT_FILE
 
     for folder in place.parent.iterdir():
-        if folder != place and (folder / ABOUT).is_file() and time.time() - folder.stat().st_mtime > UNUSED:
+        if folder != place and (folder / ABOUT_FILE).is_file() and time.time() - folder.stat().st_mtime > UNUSED:
             for file in folder.iterdir():
                 file.unlink(missing_ok=True)
             folder.rmdir()

@@ -312,11 +312,11 @@ def print_steering(found: Identified, names: Sequence[str]) -> None:
             steering_fit.title(row.name),
             f"{row.crossed:.3f}",
             f"{row.residual:.3f}",
-            _between(row.interval),
+            _interval_text(row.interval),
             f"{row.adds:.3f}",
-            _between(row.adds_interval),
+            _interval_text(row.adds_interval),
             f"{row.level:.3f}" if dry else "",
-            _between(row.level_interval) if dry else "",
+            _interval_text(row.level_interval) if dry else "",
         )
     printer = console()
     _print(printer, table, f"{', '.join(names)}: hand torque from angle and speed, where nothing was fitted")
@@ -333,11 +333,11 @@ def print_steering(found: Identified, names: Sequence[str]) -> None:
         printer.print(f"{judged}: {each.residual:.3f} N m, {gain}", **plain)
     if found.differ:
         printer.print(f"the drives differ in {', '.join(found.differ)}: they may be of different cars", **plain)
-    verdict, *details = steering_fit.page_of(found, names, "").verdict
+    verdict, *details = steering_fit.make_page(found, names, "").verdict
     for text in details:
         printer.print(text, **plain)
     printer.print(verdict, style="bold", **plain)
 
 
-def _between(ends: tuple[float, float]) -> str:
+def _interval_text(ends: tuple[float, float]) -> str:
     return f"{ends[0]:.3f} .. {ends[1]:.3f}"

@@ -61,7 +61,7 @@ def _controllers(args: argparse.Namespace, env_id: str) -> "tuple[dict[str, Make
     """
     from steer_env.experiments.cli.common.policies import caution
     from steer_env.experiments.learning import policy, policy_report
-    from steer_env.experiments.learning.controllers import baselines, is_policy, path_of
+    from steer_env.experiments.learning.controllers import baselines, is_policy, policy_path
 
     known = baselines(env_id)
     alone = sum(map(is_policy, args.file)) == 1
@@ -77,8 +77,8 @@ def _controllers(args: argparse.Namespace, env_id: str) -> "tuple[dict[str, Make
                 raise ValueError(f"{name!r} is given twice: give it once")
             controllers[name] = known[name]
             continue
-        path = path_of(name, env_id)
-        about = policy.about(path)
+        path = policy_path(name, env_id)
+        about = policy.read_description(path)
         policy.check_observations(path, about, env_id)
         law = args.friction or policy.law(about["friction"], path)
         found = policy_report.conditions({**policy.conditions(about), "friction": law.label})

@@ -47,8 +47,8 @@ def run(args: argparse.Namespace) -> None:
     name = args.policy or controllers.reference(args.env)
     if controllers.is_policy(name):
         require("train", "a trained policy")
-        path = controllers.path_of(name, args.env)
-        about = policy.about(path)
+        path = controllers.policy_path(name, args.env)
+        about = policy.read_description(path)
         made = {**policy.conditions(about), "friction": policy.law(about["friction"], path).parameters}
         caution(path, about)
     make = controllers.controller_named(name, args.env)
@@ -59,6 +59,6 @@ def run(args: argparse.Namespace) -> None:
     usable(out, dataset.CONTENTS)
     with progress("recording") as notify:
         dataset.record(out, args.env, Path(name).stem, make, args.episodes, args.seed, notify, args.quality, **made)
-    print(out / dataset.DATA)
+    print(out / dataset.DATA_FOLDER)
     if args.quality:
         print("score {:.2f}, mean cost {:.2f}".format(*dataset.mean_score(out)))

@@ -51,7 +51,7 @@ def run(args: argparse.Namespace) -> None:
 
     sweep = runner(args)
     path = policy.shipped_policy(args.env) if args.file == SHIPPED else Path(args.file)
-    about = policy.about(path)
+    about = policy.read_description(path)
     if args.env not in (None, about["env"]):
         raise ValueError(f"{path} was trained for {about['env']}, not {args.env}: leave --env out")
     policy.check_observations(path, about, about["env"])

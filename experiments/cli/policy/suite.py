@@ -29,7 +29,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print the results, and write them where --out says; the exit code."""
     from steer_env.experiments.cli.common.extras import require
-    from steer_env.experiments.learning.controllers import controller_named, is_policy, path_of
+    from steer_env.experiments.learning.controllers import controller_named, is_policy, policy_path
 
     controllers = args.controllers or [*names.assists()]
     policies = [name for name in controllers if is_policy(name)]
@@ -44,8 +44,8 @@ def run(args: argparse.Namespace) -> int:
 
     env_id = env_id_of(args.env, controllers)
     assist_suite.task_named(env_id)
-    for path in (path_of(name, env_id) for name in policies):
-        caution(path, policy.about(path))
+    for path in (policy_path(name, env_id) for name in policies):
+        caution(path, policy.read_description(path))
     makers = {name: controller_named(name, env_id) for name in controllers}
     car = car_options.load(args) if car_options.any_given(args) else None
     with progress("driving") as notify:

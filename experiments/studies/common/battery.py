@@ -31,7 +31,7 @@ PER_SECOND = 12.0  # points of a long history [1/s]
 MATTERS = 0.05  # share of a metric above which a difference is said to matter; assumed
 # Least scale of a share, by unit, as a share of a value near zero says nothing: the least torque and angle that shares
 # are felt by, and an assumed yaw rate.
-LEAST = {**just_noticeable.LEAST, "deg/s": 1.0}
+LEAST = {**just_noticeable.LEAST_STIMULUS, "deg/s": 1.0}
 
 
 class Drive(NamedTuple):
@@ -46,10 +46,10 @@ class Drive(NamedTuple):
 
 LIKE = "lugre"  # with its default parameters, whose amplitudes lie near those of any law
 _NO_NUMBERS = ("hand", "reach", "driver", "others")  # functions of a manoeuvre, which cannot be compared
-_near: dict[bytes, driving.FoundAmplitude] = {}  # of this process
+_near_amplitudes: dict[bytes, driving.FoundAmplitude] = {}  # of this process
 
 
-def near(car: Car, manoeuvre: manoeuvres.Manoeuvre) -> driving.FoundAmplitude | None:
+def near_amplitude(car: Car, manoeuvre: manoeuvres.Manoeuvre) -> driving.FoundAmplitude | None:
     """Where the search for an amplitude begins, whatever the law.
 
     Every process looks for it by itself, so that no result depends on where and after what it is computed.
@@ -59,15 +59,17 @@ def near(car: Car, manoeuvre: manoeuvres.Manoeuvre) -> driving.FoundAmplitude | 
     told = [getattr(manoeuvre, each.name) for each in fields(manoeuvre) if each.name not in _NO_NUMBERS]
     hand = manoeuvre.hand(np.linspace(0.0, manoeuvre.duration, POINTS), 1.0)
     key = hashlib.sha256(pickle.dumps((car, told, hand))).digest()
-    if key not in _near:
+    if key not in _near_amplitudes:
         with suppress(ValueError):
-            _near[key] = driving.search(driving.build_plant(car, manoeuvre, LIKE), manoeuvre, near=driving.FAR)
-    return _near.get(key)
+            _near_amplitudes[key] = driving.search(
+                driving.build_plant(car, manoeuvre, LIKE), manoeuvre, near=driving.FAR_START_AMPLITUDE
+            )
+    return _near_amplitudes.get(key)
 
 
 def recording(car: Car, manoeuvre: manoeuvres.Manoeuvre, p: Any) -> Recording:
     """Drive a manoeuvre, as :func:`steer_env.manoeuvres.drive` does."""
-    return manoeuvres.drive(car, manoeuvre, p, near=near(car, manoeuvre))
+    return manoeuvres.drive(car, manoeuvre, p, near=near_amplitude(car, manoeuvre))
 
 
 def drive(

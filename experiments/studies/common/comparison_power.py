@@ -19,7 +19,7 @@ from steer_env.experiments.studies.common import simulation_vs_measurement
 from steer_env.experiments.studies.common.scaling import scale_record
 from steer_env.experiments.studies.common.simulation_vs_measurement import ENOUGH, Tolerance
 from steer_env.friction.law import as_mapping, law_of
-from steer_env.friction.sites import LEAST, NOTHING, Sites, sliding_torque
+from steer_env.friction.sites import LEAST_SLIDING_TORQUE, NOTHING, Sites, sliding_torque
 from steer_env.metrics import RefusedError
 from steer_env.recording.recording import Recording
 from steer_env.vehicle import cars
@@ -44,7 +44,7 @@ class Simulated(NamedTuple):
     manoeuvre: manoeuvres.Manoeuvre
 
 
-class Shown(NamedTuple):
+class ShownFactors(NamedTuple):
     """From which change on the comparison would have failed."""
 
     parameter: str  # in words
@@ -55,7 +55,7 @@ class Shown(NamedTuple):
 class Power(NamedTuple):
     """What a comparison would have shown, and what not."""
 
-    parameters: tuple[Shown, ...]
+    parameters: tuple[ShownFactors, ...]
     laws: Mapping[str, bool]  # every other law with its defaults -> whether it is shown
     unknown: str = ""  # why nothing is known, in words
 
@@ -99,7 +99,7 @@ def simulation_of(recording: Recording) -> Simulated:
     if "car" not in trace or len(laws) != 1:
         raise ValueError("its trace names no car and law that could be driven again")
     try:
-        law = friction.resolve(provenance.friction_of(laws[0]))
+        law = friction.resolve(provenance.friction_from_trace(laws[0]))
         made = manoeuvres.make(recording.meta["manoeuvre"])
         manoeuvre = replace(made, speed=recording.meta["speed_m_s"], chassis=recording.meta["chassis"])
         if recording.meta.get(STEERED):
@@ -161,7 +161,7 @@ def power(
     with ThreadPoolExecutor(WORKERS) as pool:
         ends = list(pool.map(first, [_change(own, change, factors) for change, factors in sides]))
         laws = dict(zip(others, pool.map(lambda p: bool(shows(own.car, p)), others.values())))
-    return Power(tuple(map(Shown, CHANGES, ends[::2], ends[1::2])), laws)
+    return Power(tuple(map(ShownFactors, CHANGES, ends[::2], ends[1::2])), laws)
 
 
 def other_laws(car: Car, own: Any) -> dict[str, Any]:
@@ -173,7 +173,9 @@ def other_laws(car: Car, own: Any) -> dict[str, Any]:
     for law in friction.available():
         made = friction.make(law)
         if {law} != used and law_of(made).mean_torque is not None:  # which a site needs
-            without = "" if sliding_torque(made) > LEAST else ",efficiency=1"  # of a gear, no load makes it grow
+            without = (
+                "" if sliding_torque(made) > LEAST_SLIDING_TORQUE else ",efficiency=1"
+            )  # of a gear, no load makes it grow
             found[law] = friction.resolve(f"{law}{without}@{car.kind}")
     return found
 

@@ -34,7 +34,7 @@ SCHEME = "midpoint"  # of the project
 ROUNDS, LEAST_ROUNDS = 200, 30
 NARROW = 0.03  # interval of a ratio over the ratio, with which there are rounds enough, assumed [1]
 MOST_SECONDS = 20.0  # after which no round begins, unless there are too few [s]
-BLOCK = 1e6  # length of a block [ns]
+BLOCK_NS = 1e6  # length of a block [ns]
 BARE_STEPS = 50_000  # of the bare loop, some tenths of a millisecond
 LATE = 90.0  # percentile beside the median [%]
 CHEAP = 0.01  # a step that takes a smaller part of real time counts as cheap; assumed [1]
@@ -96,14 +96,14 @@ class Measured(Generic[K]):
 
 
 # Time of the processor in this thread, where the system tells it finely enough.
-OWN = time.thread_time_ns if time.get_clock_info("thread_time").resolution < 1e-6 else time.perf_counter_ns
+THREAD_CLOCK = time.thread_time_ns if time.get_clock_info("thread_time").resolution < 1e-6 else time.perf_counter_ns
 
 
 class Clocks(NamedTuple):
     """The clocks, which a test replaces [ns]."""
 
     wall: Callable[[], int] = time.perf_counter_ns
-    own: Callable[[], int] = OWN
+    own: Callable[[], int] = THREAD_CLOCK
 
 
 def estimate(values: Sequence[float]) -> Estimate:
@@ -256,7 +256,7 @@ def _column(p: Any) -> Block:
 
     once = block(T1)
     once.run()
-    return block(np.tile(T1, max(round(BLOCK / _time(once.run, OWN)), 1)))
+    return block(np.tile(T1, max(round(BLOCK_NS / _time(once.run, THREAD_CLOCK)), 1)))
 
 
 def _cars(car: Car, laws: Mapping[str, Any]) -> dict[tuple[str, str], Block]:

@@ -31,7 +31,7 @@ _GAP, _UNEVEN = 40_000_000, 2_000_000  # between jumps, and beyond that at rando
 _PATIENCE = 10_000_000_000  # until the watchdog lets the torque through [ns]
 _BUS = "steer-env real-time"
 _ANGLE, _TORQUE = 256, 512  # identifiers of the frames
-_SCALE = math.radians(0.02), 0.001  # of their values [rad], [N m]
+_FRAME_SCALES = math.radians(0.02), 0.001  # of their values [rad], [N m]
 _CYCLE = 0.002  # of the node's angle frames [s]
 
 
@@ -178,14 +178,14 @@ def _node(jumps: Jumps, heard: list[tuple[int, float]], over: threading.Event) -
         while not over.is_set():
             angle, now = jumps.angle(), time.monotonic()
             if angle != sent or now >= due:
-                data = round(angle / _SCALE[0]).to_bytes(2, "little", signed=True) + bytes(6)
+                data = round(angle / _FRAME_SCALES[0]).to_bytes(2, "little", signed=True) + bytes(6)
                 bus.send(can.Message(arbitration_id=_ANGLE, data=data, is_extended_id=False))
                 sent, due = angle, now + _CYCLE
             next_jump = 1e-9 * (jumps.next_time() - time.monotonic_ns())
             frame = bus.recv(max(0.0, min(due - time.monotonic(), next_jump)))
             if frame is not None and frame.arbitration_id == _TORQUE:
                 value = int.from_bytes(frame.data[:2], "little", signed=True)
-                heard.append((time.monotonic_ns(), _SCALE[1] * value))
+                heard.append((time.monotonic_ns(), _FRAME_SCALES[1] * value))
 
 
 def through_udp(subsystem: Subsystem, seconds: float, priority: int = 0) -> Latency:
@@ -206,13 +206,13 @@ def through_udp(subsystem: Subsystem, seconds: float, priority: int = 0) -> Late
     return jumps.latency(heard, 0.0)
 
 
-WAYS = {"fake wheel": through_fake, "virtual CAN": through_can, "UDP": through_udp}
+LATENCY_WAYS = {"fake wheel": through_fake, "virtual CAN": through_can, "UDP": through_udp}
 
 
 def through_all(subsystem: Subsystem, seconds: float, priority: int = 0) -> dict[str, Latency | str]:
-    """The latency by each of ``WAYS``, for so long each [s]; the reason where there is none."""
+    """The latency by each of ``LATENCY_WAYS``, for so long each [s]; the reason where there is none."""
     found: dict[str, Latency | str] = {}
-    for name, through in WAYS.items():
+    for name, through in LATENCY_WAYS.items():
         try:
             found[name] = through(subsystem, seconds, priority)
         except (TooBusyError, DeviceError) as error:

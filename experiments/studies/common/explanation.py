@@ -26,11 +26,11 @@ from steer_env.experiments.pages.words import in_words, label, law_name, number,
 from steer_env.experiments.studies.common import comparison_power, simulation_vs_measurement
 from steer_env.experiments.studies.common.comparison_power import CHANGES, STEERED
 from steer_env.experiments.studies.common.simulation_vs_measurement import RATE, Pair, Tolerance
-from steer_env.friction.sites import named
+from steer_env.friction.sites import friction_name
 from steer_env.manoeuvres import Manoeuvre
 from steer_env.metrics import ManoeuvreEvaluation, RefusedError
 from steer_env.metrics.common import straight
-from steer_env.metrics.common.confidence import LEVEL, interval
+from steer_env.metrics.common.confidence import CONFIDENCE_LEVEL, interval
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, SPEED, TORQUE, YAW
 from steer_env.recording.recording import Recording
 from steer_env.vehicle import cars
@@ -41,20 +41,21 @@ Array = NDArray[np.float64]
 WORKERS = 4  # threads; the kernels run without Python's lock
 CYCLES = 5  # of a periodic test that is driven again, of which three are read
 HIGHEST = 3.0  # harmonics of a cycle up to here are compared [Hz]
-STEP = 0.1  # of values over time; the low-pass of the curves remembers less [s]
+TIME_STEP = 0.1  # of values over time; the low-pass of the curves remembers less [s]
 ALIKE = 0.01  # rest of the handwheel angle over its size, up to which both were steered alike; assumed [1]
 FLOOR = 0.003  # share of a tolerance that counts as noise too: rates and filters of two files differ, assumed [1]
 LEAST_P = 0.001  # probability of as large a chi-square by chance, from which on a fit explains the difference; assumed
 EQUAL = 9.0  # chi-square above the best, up to which a fit explains equally well: three deviations; assumed [1]
 ROUNDS = 10  # of Gauss-Newton steps, at most
 SETTLED = 0.1  # change of chi-square with which they end
-KEPT = (16, 8)  # searches that go on after the first step, and after the second
-FAR = 30.0  # times the least chi-square, with which they do not; assumed [1]
+KEPT_SEARCHES = (16, 8)  # searches that go on after the first step, and after the second
+FAR_CHI_SQUARE_RATIO = 30.0  # times the least chi-square, with which they do not; assumed [1]
 LAWS = 3  # other laws, those that leave least, with which one parameter is fitted too
 DIFFERENCE = 0.1  # step of the finite differences, in usual amounts [1]
 PRIOR = 5.0  # deviation of a parameter before anything is measured, in usual amounts; assumed [1]
-FELT = 9.0  # change of chi-square by a usual amount, below which a parameter cannot be seen: three deviations [1]
-REACH = float(stats.norm.ppf(0.5 + 0.5 * LEVEL))  # half an interval, in deviations [1]
+# Change of chi-square by a usual amount, below which a parameter cannot be seen: three deviations [1]
+FELT_CHI_SQUARE = 9.0
+INTERVAL_DEVIATIONS = float(stats.norm.ppf(0.5 + 0.5 * CONFIDENCE_LEVEL))  # half an interval, in deviations [1]
 MEDIAN = float(stats.norm.ppf(0.75))  # of the sizes of normal numbers, in deviations [1]
 SHORTER = (1.0, 0.5, 0.25, 0.1)  # parts of a step that are tried
 
@@ -201,12 +202,12 @@ def _white(recording: Recording, name: str) -> float:
 
 def _histories(recording: Recording, names: Sequence[str], evaluation: ManoeuvreEvaluation, times: Array) -> _Curves:
     """Means over steps of time, of values at times (n,) from the beginning."""
-    found, count = simulation_vs_measurement.curves(recording, evaluation), round(STEP * RATE)
+    found, count = simulation_vs_measurement.curves(recording, evaluation), round(TIME_STEP * RATE)
     values, deviations = {}, {}
     for name in names:
         at = interpolate.CubicSpline(found["time"], found[name])(np.clip(times, 0.0, found["time"][-1]))
         values[name] = at[: at.size // count * count].reshape(-1, count).mean(axis=1)
-        white = _white(recording, name) / math.sqrt(max(STEP * recording.rate, 1.0))
+        white = _white(recording, name) / math.sqrt(max(TIME_STEP * recording.rate, 1.0))
         deviations[name] = np.full(values[name].size, white)
     return _Curves(values, deviations)
 
@@ -315,12 +316,12 @@ class Measured:
     def offsets(self, at: Setting) -> dict[str, Offset]:
         """What the sensors read at zero, of those that are off by more than noise and by what is worth telling."""
         found = self._zeros_of_loops() if self._loops else self._zeros_over_time(at)
-        least = {name: size / metrics.UNITS[unit] for name, (size, unit) in straight.TOLD.items()}
+        least = {name: size / metrics.UNITS[unit] for name, (size, unit) in straight.NOTED_ZEROS.items()}
         return {n: o for n, o in found.items() if abs(o.value) > least[n] and not o.low <= 0.0 <= o.high}
 
     def _zeros_of_loops(self) -> dict[str, Offset]:
         loops, found = metrics.read(self.measured, self._evaluation.name, **self._given), {}
-        for name in {ANGLE, *self._names} & straight.TOLD.keys() if AY in self._names else ():
+        for name in {ANGLE, *self._names} & straight.NOTED_ZEROS.keys() if AY in self._names else ():
             turned = name in (AY, YAW)  # the others have their zero where the car does not turn
             each = loops.cycles(name) if turned else loops.at(name, AY, 0.0)
             found[name] = Offset(loops.zero(name), *interval(loops.zero(name) + each.mean(axis=1)))
@@ -334,12 +335,14 @@ class Measured:
         driven, found = self._curves(self.drive(at), self._late).values, {}
         for name in self._names:
             gap = self._read.values[name] - driven[name]
-            half = REACH * float(gap.std(ddof=1)) / math.sqrt(gap.size)
+            half = INTERVAL_DEVIATIONS * float(gap.std(ddof=1)) / math.sqrt(gap.size)
             value = zeros.get(name, 0.0) + float(gap.mean())
             found[name] = Offset(value, value - half, value + half)
         if ANGLE in zeros:
             white = _white(self.measured, ANGLE) / math.sqrt(straight.SHORTEST * self.measured.rate)
-            found[ANGLE] = Offset(zeros[ANGLE], zeros[ANGLE] - REACH * white, zeros[ANGLE] + REACH * white)
+            found[ANGLE] = Offset(
+                zeros[ANGLE], zeros[ANGLE] - INTERVAL_DEVIATIONS * white, zeros[ANGLE] + INTERVAL_DEVIATIONS * white
+            )
         return found
 
     @property
@@ -384,7 +387,7 @@ class Start:
     def felt(self, pool: ThreadPoolExecutor) -> list[Parameter]:
         """The parameters of which a usual amount can be seen."""
         slopes = pool.map(lambda each: self.slope((each,), 0, np.zeros(1), self.left), PARAMETERS)
-        return [each for each, slope in zip(PARAMETERS, slopes) if slope @ slope > FELT]
+        return [each for each, slope in zip(PARAMETERS, slopes) if slope @ slope > FELT_CHI_SQUARE]
 
 
 class Search:
@@ -445,7 +448,7 @@ class Search:
         deviations = np.sqrt(np.diag(np.linalg.inv(known))) if self.chosen else ()
         changes = []
         for each, x, deviation in zip(self.chosen, self.x, deviations):
-            half = REACH * deviation * each.usual
+            half = INTERVAL_DEVIATIONS * deviation * each.usual
             changes.append(Change(each.name, *(each.value(float(end)) for end in (x, x - half, x + half))))
         size = sum(abs(x) / each.usual for each, x in zip(self.chosen, self.x))
         chance = float(stats.chi2.sf(self.chi_square, freedom))
@@ -502,7 +505,7 @@ def driven_as(measured: Recording, at: Setting, test: str, **given: Any) -> Reco
     """
     made = manoeuvres.make(test)
     driven = manoeuvres.drive(at.car, replace(made, speed=measured.meta.get("speed_m_s", made.speed)), at.law)
-    trace = provenance.trace(car=at.car, friction={named(at.law): at.law})
+    trace = provenance.trace(car=at.car, friction={friction_name(at.law): at.law})
     driven = replace(driven, meta={**driven.meta, "trace": trace})
     try:
         again = Measured(measured, driven, test, {}, **given).drive(at)
@@ -537,10 +540,10 @@ def _search(own: Start, felt: Sequence[Parameter], pool: ThreadPoolExecutor) -> 
 
 def _settled(searches: list[Search], pool: ThreadPoolExecutor) -> list[Search]:
     """The searches that leave least, after their last step: after each of the first steps the others end."""
-    for kept in KEPT:
+    for kept in KEPT_SEARCHES:
         list(pool.map(lambda each: each.steps(1), searches))
         searches = sorted(searches, key=lambda each: each.chi_square)[:kept]
-        searches = [each for each in searches if each.chi_square <= FAR * searches[0].chi_square]
+        searches = [each for each in searches if each.chi_square <= FAR_CHI_SQUARE_RATIO * searches[0].chi_square]
     list(pool.map(lambda each: each.steps(ROUNDS), searches))
     return searches
 
@@ -578,7 +581,7 @@ def phrase(fit: Fit) -> str:
 
 def _offsets(found: Explanation) -> list[str]:
     """The offsets in words."""
-    told = {name: straight.TOLD[name][1] for name in found.offsets}
+    told = {name: straight.NOTED_ZEROS[name][1] for name in found.offsets}
     return [
         f"{label(n)} {number(found.offsets[n].value * metrics.UNITS[unit])}\u00a0{unit}" for n, unit in told.items()
     ]

@@ -31,10 +31,10 @@ from steer_env.vehicle.steering.eps import SAMPLE_TIME, without_assist
 Array = NDArray[np.float64]
 
 BASE_LAW = "lugre"
-LAW, MEASURED, UNASSISTED = "law", "law, measured calibration", "law, without assist"
-LEVEL, PRESLIDING, DAMPING = "level", "pre-sliding distance", "micro-damping"
-STEP, SITE, LOAD = "step length", "site", "load"
-DIRECTION, POSITION, TEMPERATURE = "direction", "position", "temperature"
+LAW_FACTOR, MEASURED_LAW_FACTOR, UNASSISTED_LAW_FACTOR = "law", "law, measured calibration", "law, without assist"
+LEVEL_FACTOR, PRESLIDING_FACTOR, DAMPING_FACTOR = "level", "pre-sliding distance", "micro-damping"
+STEP_FACTOR, SITE_FACTOR, LOAD_FACTOR = "step length", "site", "load"
+DIRECTION_FACTOR, POSITION_FACTOR, TEMPERATURE_FACTOR = "direction", "position", "temperature"
 LEVELS = (2.0 / 3.0, 4.0 / 3.0)  # of the default F_c: 0.6 and 1.2 N m, within the preloads of workshop manuals
 DISTANCES = (0.5, 2.0)  # of the default F_c/sigma_0: 0.26 and 1.03 deg; assumed
 DAMPERS = (0.0, 0.25, 2.0)  # of the default sigma_1; the range of damping ratios is 0 to 0.9; assumed
@@ -47,7 +47,7 @@ COLUMN_FRICTION = 0.15  # above the torsion bar: column bearings and shaft, 0.1 
 # A driver with arms in the loop, and a servo of the angle in the place of hands that park or go with the traffic.
 DRIVER_TASKS = ("steer_env/AssistLaneKeeping-v3", "steer_env/AssistWeave-v3")
 SERVO_TASKS = ("steer_env/DriverParking-v3", "steer_env/DriverStopAndGo-v0")
-FELT = ("parking", "release", "returnability", "hold")  # tests in which friction is most of what is felt
+FRICTION_TESTS = ("parking", "release", "returnability", "hold")  # tests in which friction is most of what is felt
 
 
 class Case(NamedTuple):
@@ -80,34 +80,36 @@ def cases(laws: Mapping[str, Any], measured: Mapping[str, Any]) -> list[Case]:
         Calibrated to one measured record, at the scale of the car; LuGre is the base of the others, else the first.
     """
     p = laws[BASE_LAW]
-    base = f"{LAW}: {BASE_LAW}"
-    found = [Case(LAW, name, base, of) for name, of in laws.items()]
+    base = f"{LAW_FACTOR}: {BASE_LAW}"
+    found = [Case(LAW_FACTOR, name, base, of) for name, of in laws.items()]
     first = BASE_LAW if BASE_LAW in measured else next(iter(measured), "")
-    found += [Case(MEASURED, name, f"{MEASURED}: {first}", of) for name, of in measured.items()]
-    bare = f"{UNASSISTED}: {BASE_LAW}"
-    found += [Case(UNASSISTED, name, bare, of, assist=False) for name, of in laws.items()]
-    found += [Case(LEVEL, f"{part * defaults.F_C:.2g} N m", base, scale_record(p, part, 1.0)) for part in LEVELS]
+    found += [Case(MEASURED_LAW_FACTOR, name, f"{MEASURED_LAW_FACTOR}: {first}", of) for name, of in measured.items()]
+    bare = f"{UNASSISTED_LAW_FACTOR}: {BASE_LAW}"
+    found += [Case(UNASSISTED_LAW_FACTOR, name, bare, of, assist=False) for name, of in laws.items()]
+    found += [Case(LEVEL_FACTOR, f"{part * defaults.F_C:.2g} N m", base, scale_record(p, part, 1.0)) for part in LEVELS]
     for part in DISTANCES:
         degrees = math.degrees(part * p.F_c / p.sigma_0)
-        found.append(Case(PRESLIDING, f"{degrees:.2g} deg", base, p._replace(sigma_0=p.sigma_0 / part)))
+        found.append(Case(PRESLIDING_FACTOR, f"{degrees:.2g} deg", base, p._replace(sigma_0=p.sigma_0 / part)))
     found += [
-        Case(DAMPING, f"{part * p.sigma_1:.2g} N m s/rad", base, p._replace(sigma_1=part * p.sigma_1))
+        Case(DAMPING_FACTOR, f"{part * p.sigma_1:.2g} N m s/rad", base, p._replace(sigma_1=part * p.sigma_1))
         for part in DAMPERS
     ]
-    found += [Case(STEP, f"{1e3 * SAMPLE_TIME / n:.2g} ms", base, p, substeps=n) for n in SUBSTEPS]
+    found += [Case(STEP_FACTOR, f"{1e3 * SAMPLE_TIME / n:.2g} ms", base, p, substeps=n) for n in SUBSTEPS]
     column = COLUMN_FRICTION / p.F_c
     found += [
-        Case(SITE, f"{COLUMN_FRICTION:g} N m moved above the torsion bar", base, *_split_at_bar(p, column)),
-        Case(SITE, "half moved above the torsion bar", base, *_split_at_bar(p, 0.5)),
+        Case(SITE_FACTOR, f"{COLUMN_FRICTION:g} N m moved above the torsion bar", base, *_split_at_bar(p, column)),
+        Case(SITE_FACTOR, "half moved above the torsion bar", base, *_split_at_bar(p, 0.5)),
     ]
-    found += [Case(LOAD, text, base, p, load=part) for text, part in (("none by load", 0.0), ("twice by load", 2.0))]
     found += [
-        Case(DIRECTION, f"{100 * part:g} % more to the left", base, p, conditions=(("asymmetry", part),))
+        Case(LOAD_FACTOR, text, base, p, load=part) for text, part in (("none by load", 0.0), ("twice by load", 2.0))
+    ]
+    found += [
+        Case(DIRECTION_FACTOR, f"{100 * part:g} % more to the left", base, p, conditions=(("asymmetry", part),))
         for part in ASYMMETRIES
     ]
     found += [
         Case(
-            POSITION,
+            POSITION_FACTOR,
             f"{100 * BY_POSITION:g} % more and less, {times} a turn",
             base,
             p,
@@ -116,7 +118,7 @@ def cases(laws: Mapping[str, Any], measured: Mapping[str, Any]) -> list[Case]:
         for order, times in ORDERS
     ]
     cold = (("temperature_rate", RATE), ("temperature_rise", COLD))
-    return [*found, Case(TEMPERATURE, f"{COLD:g} K", base, p, conditions=cold)]
+    return [*found, Case(TEMPERATURE_FACTOR, f"{COLD:g} K", base, p, conditions=cold)]
 
 
 def _split_at_bar(p: Any, share: float) -> tuple[Any, Any]:
@@ -140,7 +142,7 @@ def recording(case: Case, car: Car, manoeuvre: manoeuvres.Manoeuvre, p: Any) -> 
     whole = step_limit.checked(whole._replace(level=level))
     if not case.assist:
         whole = whole._replace(assist=without_assist(whole.assist))
-    found = drive_plant(car, whole, manoeuvre, substeps=case.substeps, near=battery.near(car, manoeuvre))
+    found = drive_plant(car, whole, manoeuvre, substeps=case.substeps, near=battery.near_amplitude(car, manoeuvre))
     if case.above is None:
         return found
     if not manoeuvre.robot or manoeuvre.released:

@@ -12,13 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env import friction
-from steer_env.experiments.studies.friction_laws import HISTORIES, NESTED_TURN, SATURATED_TURN, through
+from steer_env.experiments.studies.friction_laws import HISTORIES, NESTED_TURN, SATURATED_TURN, turning_points_history
 from steer_env.friction import defaults
 from steer_env.recording.recording import DEGREE
 
 Array = NDArray[np.float64]
 
-TOLD = 0.03  # RMS difference over F_c from which on two laws count as told apart: three times a noise of 1 %; assumed
+# RMS difference over F_c from which on two laws count as told apart: three times a noise of 1 %; assumed
+DISTINCTION_THRESHOLD = 0.03
 
 
 class Experiment(NamedTuple):
@@ -38,7 +39,7 @@ def _sine(amplitude: float, frequency: float, cycles: int) -> Array:
 
 def _corrections() -> Experiment:
     """Small corrections of 0.2 deg at 0.5 Hz around a place that was reached from saturation."""
-    approach = through((0.0, 4.0), 0.004) * DEGREE
+    approach = turning_points_history((0.0, 4.0), 0.004) * DEGREE
     small = approach[-1] - 0.2 * DEGREE + 0.2 * DEGREE * np.cos(2.0 * math.pi * 0.5 * 2e-3 * np.arange(1, 4001))
     return Experiment(
         "small corrections",

@@ -44,25 +44,25 @@ class Scope(NamedTuple):
     episodes: int  # with a driver, of each law and task
 
 
-_ONE_STROKE, _MANY = friction_records.RECORDS
-QUICK = Scope(("weave", "slow-ramp", "release"), (1e-4, 1e-3, 2e-3, 5e-3), (_MANY,), (0.01,), 1, 2)
+_ONE_STROKE, _MANY_STROKES = friction_records.RECORDS
+QUICK_SCOPE = Scope(("weave", "slow-ramp", "release"), (1e-4, 1e-3, 2e-3, 5e-3), (_MANY_STROKES,), (0.01,), 1, 2)
 
 
 def full() -> Scope:
     """The whole study: every test of the battery except the rig, which has neither car nor road."""
     tests = tuple(name for name in battery.SCRIPTED if name != "rig")
-    return Scope(tests, real_time.STEPS, (_ONE_STROKE, _MANY), friction_records.NOISES, 10, 12)
+    return Scope(tests, real_time.STEP_LENGTHS, (_ONE_STROKE, _MANY_STROKES), friction_records.NOISES, 10, 12)
 
 
 class Job(NamedTuple):
     """A part of the study that a worker computes."""
 
-    kind: str  # of ``_KINDS``
+    kind: str  # of ``_JOB_FUNCTIONS``
     of: str  # in words
     arguments: tuple[Any, ...]
 
 
-_KINDS: Mapping[str, Callable[[Any], Any]] = {
+_JOB_FUNCTIONS: Mapping[str, Callable[[Any], Any]] = {
     "record": friction_records.judge,
     "road": friction_records.judge_on_road,
     "steps": lambda job: real_time.accuracy(*job),
@@ -75,7 +75,7 @@ _KINDS: Mapping[str, Callable[[Any], Any]] = {
 
 def perform(job: Job) -> Any:
     """The result of one job."""
-    return _KINDS[job.kind](job.arguments)
+    return _JOB_FUNCTIONS[job.kind](job.arguments)
 
 
 class Results(NamedTuple):
@@ -89,7 +89,7 @@ class Results(NamedTuple):
     judged: list[Judged]  # the best first, those without a fit last
     repeatability: float  # of the record [1]
     road: Identified  # the hand torque of a drive
-    tables: dict[str, list[real_time.Row]]  # of the column alone
+    tables: dict[str, list[real_time.SchemeRow]]  # of the column alone
     times: Times
     cases: list[Case]
     effects: list[Effect]
@@ -152,7 +152,7 @@ def collect(
         for seed in range(scope.seeds)
     ]
     later = swept(jobs, 0.15, 0.9)
-    of_kind = {kind: [result for job, result in zip(jobs, later) if job.kind == kind] for kind in _KINDS}
+    of_kind = {kind: [result for job, result in zip(jobs, later) if job.kind == kind] for kind in _JOB_FUNCTIONS}
     return Results(
         car=car,
         scope=scope,

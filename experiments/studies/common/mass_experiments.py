@@ -31,9 +31,9 @@ PRESLIDING_TIMES, PRESLIDING_FORCE = (0.0, 15.0, 20.0, 45.0, 50.0, 75.0), 1.425 
 LAG_SPEED = 1e-3  # speed of the lag experiment: LAG_SPEED (1.5 + cos omega t) [m/s]
 LAG_OMEGAS = (1.0, 10.0, 25.0)  # [rad/s]
 RATES = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0)  # of the force [N/s]
-SPRING, DRAWN = 2.0, 0.1  # stick-slip: stiffness [N/m], speed of the free end [m/s]
+SPRING_STIFFNESS, DRAWN_SPEED = 2.0, 0.1  # stick-slip: stiffness [N/m], speed of the free end [m/s]
 K_V, K_P, K_I = 6.0, 3.0, 4.0  # position control [N s/m, N/m, N/(m s)]
-TURN = 0.01  # speed that a slip passes [m/s]
+SLIP_SPEED = 0.01  # speed that a slip passes [m/s]
 
 
 class Motion(NamedTuple):
@@ -142,7 +142,7 @@ def break_away(p: Any, rate: float) -> tuple[float, float]:
 
 def stick_slip(p: Any, duration: float = 40.0, h: float = 5e-4) -> Motion:
     """A spring whose free end is drawn at a constant speed pulls the mass."""
-    return move(p, duration, h, lambda t: SPRING * DRAWN * t, stiffness=SPRING)
+    return move(p, duration, h, lambda t: SPRING_STIFFNESS * DRAWN_SPEED * t, stiffness=SPRING_STIFFNESS)
 
 
 def hunting(p: Any, duration: float = 200.0, h: float = 1e-3) -> Motion:

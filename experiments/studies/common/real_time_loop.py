@@ -20,7 +20,7 @@ SPEED = 100.0 / 3.6  # held [m/s]
 PRIORITY = 50  # of SCHED_FIFO among the conditions, where the run has none of its own
 ROUNDS = 5  # that the conditions are measured one after another
 # Shares of the run's time, for the laws, the conditions, and each way of the latency.
-LAWS, CONDITIONS, WAY = 0.6, 0.25, 0.05
+LAWS_SHARE, CONDITIONS_SHARE, WAY_SHARE = 0.6, 0.25, 0.05
 
 
 class Row(NamedTuple):
@@ -59,7 +59,7 @@ _CONDITIONS = (
 )
 
 
-def part_of(car: Car, law: Any, chassis: str) -> Subsystem:
+def car_with_robot(car: Car, law: Any, chassis: str) -> Subsystem:
     """The car with a prescribed handwheel angle."""
     return subsystems.make("car", car.plant(law, SPEED, True, chassis=chassis), SPEED)
 
@@ -79,16 +79,18 @@ def collect(
     cases = [(kind, law) for kind in chassis for law in laws]
     rows = []
     for i, (kind, law) in enumerate(cases):
-        notify(LAWS * i / len(cases), f"{law}, {kind}")
-        rows.append(Row(kind, law, measure(part_of(car, laws[law], kind), LAWS * seconds / len(cases), priority)))
+        notify(LAWS_SHARE * i / len(cases), f"{law}, {kind}")
+        rows.append(
+            Row(kind, law, measure(car_with_robot(car, laws[law], kind), LAWS_SHARE * seconds / len(cases), priority))
+        )
     kind, law = cases[-1]
-    part = part_of(car, laws[law], kind)
-    notify(LAWS, "latency")
+    part = car_with_robot(car, laws[law], kind)
+    notify(LAWS_SHARE, "latency")
     wanted = priority or PRIORITY
     given = wanted if _may_have_priority(wanted) else 0
-    latencies = device_latency.through_all(part, WAY * seconds, given)
-    notify(1.0 - CONDITIONS, "under conditions")
-    return Results(rows, under_conditions(part, CONDITIONS * seconds, wanted), latencies, given)
+    latencies = device_latency.through_all(part, WAY_SHARE * seconds, given)
+    notify(1.0 - CONDITIONS_SHARE, "under conditions")
+    return Results(rows, under_conditions(part, CONDITIONS_SHARE * seconds, wanted), latencies, given)
 
 
 def _may_have_priority(priority: int) -> bool:
@@ -159,6 +161,6 @@ def both(one: Measured, other: Measured) -> Measured:
     return Measured(one.lateness + other.lateness, one.bare + other.bare, one.work + other.work, counts)
 
 
-def together(rows: Sequence[Row], part: Callable[[Measured], Durations]) -> Durations:
+def merge_durations(rows: Sequence[Row], part: Callable[[Measured], Durations]) -> Durations:
     """The durations of several rows as one."""
     return reduce(add, (part(row.found) for row in rows))

@@ -16,7 +16,7 @@ from matplotlib.ticker import FormatStrFormatter
 from steer_env.experiments.pages.pages import Page
 from steer_env.experiments.pages.style import DASHES, PALETTE, as_svg, legend, new_figure
 from steer_env.experiments.studies.common.device_latency import Latency
-from steer_env.experiments.studies.common.real_time_loop import Results, Row, together
+from steer_env.experiments.studies.common.real_time_loop import Results, Row, merge_durations
 from steer_env.live.real_time.measure import Durations, Measured
 from steer_env.recording.driven import MANY_MISSED
 
@@ -71,7 +71,7 @@ class Section(NamedTuple):
     table: Table
 
 
-NAME = "real_time"
+PAGE_NAME = "real_time"
 FACTOR = 1.2  # of a percentile of the lateness over that of the bare loop, that a loop may have at most
 WORK = 20e-6  # of a sample at the 99th percentile, that the car on two tracks may take [s]
 WORK_CHASSIS = "two_track"
@@ -93,7 +93,7 @@ def machine() -> str:
 
 def ratios(rows: Sequence[Row]) -> dict[float, float]:
     """Lateness of the loop over that of the bare loop, by percentile."""
-    loop, bare = (together(rows, lambda found, i=i: found[i]) for i in (0, 1))  # type: ignore[misc]
+    loop, bare = (merge_durations(rows, lambda found, i=i: found[i]) for i in (0, 1))  # type: ignore[misc]
     return {percent: loop.percentile(percent) / bare.percentile(percent) for percent in PERCENTILES}
 
 
@@ -110,17 +110,17 @@ def _judge(kept: bool) -> str:
 
 
 HEAD = (*(f"{percent:g} %" for percent in PERCENTILES), "worst")
-_LOST = "Lost: jumps that no torque followed before the next one, as where the watchdog had faded it."
+_LOST_NOTE = "Lost: jumps that no torque followed before the next one, as where the watchdog had faded it."
 _LATENCY_HEAD = ("way", "jumps", "50 %", "90 %", "worst", "lost", "clipped")
 
 
 def tables(results: Results) -> list[Table]:
     """Lateness, time of a sample, lateness under conditions, and latency through devices [us]."""
     rows = results.rows
-    under, lost = _reasons(results.conditions), f"{_LOST} {_reasons(results.latencies)}".strip()
+    under, lost = _reasons(results.conditions), f"{_LOST_NOTE} {_reasons(results.latencies)}".strip()
     late = [[row.chassis, row.law, *_cells(row.found.lateness), str(row.found.counts["missed"])] for row in rows]
-    late += [["all", "all", *_cells(together(rows, lambda f: f.lateness)), ""]]
-    late += [["bare loop", "", *_cells(together(rows, lambda f: f.bare)), ""]]
+    late += [["all", "all", *_cells(merge_durations(rows, lambda f: f.lateness)), ""]]
+    late += [["bare loop", "", *_cells(merge_durations(rows, lambda f: f.bare)), ""]]
     work = [[row.chassis, row.law, *_cells(row.found.work), _clip(row.found)] for row in rows]
     return [
         Table("Lateness at the deadlines [µs]", ("chassis", "law", *HEAD, "missed"), late),
@@ -170,7 +170,7 @@ def _number(durations: Durations) -> int:
 def verdict(results: Results) -> list[str]:
     """A sentence for each mark, which is met or missed."""
     rows = results.rows
-    number = _number(together(rows, lambda f: f.lateness))
+    number = _number(merge_durations(rows, lambda f: f.lateness))
     sentences = []
     for percent, ratio in ratios(rows).items():
         where = "the median" if percent == 50.0 else f"{percent:g} %"
@@ -239,7 +239,7 @@ def page(results: Results, seconds: float, priority: int, locked: bool) -> Page:
     rows, (late, work, under, latency), said = results.rows, tables(results), verdict(results)
     missed = sum(row.found.counts["missed"] for row in rows)
     trips = sum(row.found.counts[name] for row in rows for name in ("deadline_trips", "stale_trips"))
-    samples = _number(together(rows, lambda f: f.lateness))
+    samples = _number(merge_durations(rows, lambda f: f.lateness))
     kinds = dict.fromkeys(row.chassis for row in rows)
     picture = exceedance(
         {kind.replace("_", " "): _lines([row for row in rows if row.chassis == kind]) for kind in kinds}
@@ -297,15 +297,15 @@ def page(results: Results, seconds: float, priority: int, locked: bool) -> Page:
         "first": exceedance({"on this machine": _lines(rows)}),
         "marks": marks(results),
     }
-    return Page(NAME, values)
+    return Page(PAGE_NAME, values)
 
 
 def _lines(rows: Sequence[Row]) -> dict[str, Durations]:
     """The durations of a chassis for the picture."""
     return {
-        "loop": together(rows, lambda f: f.lateness),
-        "bare loop": together(rows, lambda f: f.bare),
-        "time of a sample": together(rows, lambda f: f.work),
+        "loop": merge_durations(rows, lambda f: f.lateness),
+        "bare loop": merge_durations(rows, lambda f: f.bare),
+        "time of a sample": merge_durations(rows, lambda f: f.work),
     }
 
 

@@ -96,7 +96,7 @@ def compare(
     first, second = (curves(recording, evaluation, **given) for recording in (reference, other))
     if "time" in first:
         second = _align(first, second)
-        first = _between(first, second["time"][0], second["time"][-1])
+        first = _cut_curve(first, second["time"][0], second["time"][-1])
     pairs = [
         _pair(x, y, first, second, allowed)
         for x, y in evaluation.plots
@@ -151,7 +151,7 @@ def _align(first: Curves, second: Curves) -> Curves:
     if ANGLE not in first or ANGLE not in second:
         return second
     time = second["time"] + lag(first, second)
-    return _between({**second, "time": time}, 0.0, first["time"][-1])
+    return _cut_curve({**second, "time": time}, 0.0, first["time"][-1])
 
 
 def lag(first: Curves, second: Curves) -> float:
@@ -160,7 +160,7 @@ def lag(first: Curves, second: Curves) -> float:
     return float(signal.correlation_lags(a.size, b.size)[signal.correlate(a, b).argmax()]) / RATE
 
 
-def _between(curve: Curves, start: float, end: float) -> Curves:
+def _cut_curve(curve: Curves, start: float, end: float) -> Curves:
     inside = (curve["time"] >= start - 0.5 / RATE) & (curve["time"] <= end + 0.5 / RATE)
     return {name: values[inside] for name, values in curve.items()}
 

@@ -26,13 +26,13 @@ import gymnasium as gym
 import numpy as np
 
 from steer_env import manoeuvres
-from steer_env.experiments.studies.common.computing_time import BLOCK, Estimate, estimate, no_garbage_collection
+from steer_env.experiments.studies.common.computing_time import BLOCK_NS, Estimate, estimate, no_garbage_collection
 from steer_env.friction import law, make
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.registration import id_of
 from steer_env.vehicle import cars, plant
 from steer_env.vehicle.chassis.common.interface import HAND, HAND_SPEED, derivative
-from steer_env.vehicle.layout import layout
+from steer_env.vehicle.layout import layout_in_kernels
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 Key = TypeVar("Key")
@@ -41,12 +41,12 @@ Run = Callable[[], float]  # the time of a step [s]
 CART = "CartPole-v1"  # of Gymnasium, over whose step ratios are
 TASK = "AssistWeave"
 CONTROL = 0.01  # control step of the environments, ten steps of the plant [s]
-ROWS, THREADS = (1, 16, 256, 4096), (1, 2)
-OWN, LAWS = "own friction", ("lugre", "masing", "coulomb")
+ROW_COUNTS, THREAD_COUNTS = (1, 16, 256, 4096), (1, 2)
+OWN_FRICTION, TIMED_LAWS = "own friction", ("lugre", "masing", "coulomb")
 ROUNDS, LEAST_ROUNDS = 200, 10
 FRICTION = "friction"  # the law alone, among the plants
 ONE_TRACK = "single_track"  # over whose plant others are
-AROUND = "driver, observation, reward and infos"  # what a step has around the plant
+AROUND_PLANT = "driver, observation, reward and infos"  # what a step has around the plant
 # Beginning of an id -> the module that registers it.
 PROVIDERS = {"steer_env/": "steer_env", "parking": "highway_env", "racetrack": "highway_env"}
 SINGLE = 32  # environments that are made to tell the memory of one
@@ -136,7 +136,7 @@ def in_turns(
     return times
 
 
-def over(times: Mapping[Key, list[float]], base: Key) -> dict[Key, Estimate]:
+def ratios_to_base(times: Mapping[Key, list[float]], base: Key) -> dict[Key, Estimate]:
     """Ratios of the times to those of the base in the same round [1]."""
     return {key: estimate([x / y for x, y in zip(of, times[base])]) for key, of in times.items()}
 
@@ -153,11 +153,11 @@ def _steps(env: Any, action: Any, rows: int, steps: int) -> float:
     return (spent + time.perf_counter() - start) / (steps * rows)
 
 
-def run_of(env: Any, action: Any, rows: int) -> Run:
+def make_run(env: Any, action: Any, rows: int) -> Run:
     """A run of as many steps of an environment as take about a millisecond."""
     env.reset(seed=0) if not _is_pool(env) else env.reset()
     first = min(_steps(env, action, rows, 5) for _ in range(3))
-    return partial(_steps, env, action, rows, max(round(1e-9 * BLOCK / (first * rows)), 1))
+    return partial(_steps, env, action, rows, max(round(1e-9 * BLOCK_NS / (first * rows)), 1))
 
 
 def _is_pool(env: Any) -> bool:
@@ -170,15 +170,15 @@ def _zeros(n: int) -> Any:
 
 def cases(quick: bool = False) -> tuple[list[Case], list[str]]:
     """All environments, or a few of them, and a note for each package that is not installed."""
-    rows, laws = (ROWS[::3], ()) if quick else (ROWS, LAWS)
+    rows, laws = (ROW_COUNTS[::3], ()) if quick else (ROW_COUNTS, TIMED_LAWS)
     others, notes = other_cases(rows)
     return [*others, *own_cases(rows, laws)], notes
 
 
-def own_cases(rows: Sequence[int], laws: Iterable[str], threads: Iterable[int] = THREADS) -> list[Case]:
+def own_cases(rows: Sequence[int], laws: Iterable[str], threads: Iterable[int] = THREAD_COUNTS) -> list[Case]:
     """This project's environment: single by chassis and friction, and vector with rows and threads.
 
-    ``OWN`` is the friction of the car, which has three sites; each of ``LAWS`` is at one.
+    ``OWN_FRICTION`` is the friction of the car, which has three sites; each of ``TIMED_LAWS`` is at one.
     """
     name, found = id_of(TASK), list[Case]()
 
@@ -190,23 +190,25 @@ def own_cases(rows: Sequence[int], laws: Iterable[str], threads: Iterable[int] =
         return Case("steer-env", what, n, count, lambda rows: made(rows, **arguments), lambda n: np.zeros((n, 1), "f4"))
 
     for chassis in cars.SPEEDS:
-        found += [single(f"{OWN}, {chassis}", chassis=chassis)]
+        found += [single(f"{OWN_FRICTION}, {chassis}", chassis=chassis)]
         found += [single(f"{friction}, {chassis}", chassis=chassis, friction=friction) for friction in laws]
-        found.append(single(f"{OWN}, {chassis}, no infos", chassis=chassis, info_level="none"))
+        found.append(single(f"{OWN_FRICTION}, {chassis}, no infos", chassis=chassis, info_level="none"))
     for chassis in cars.SPEEDS:
         for count in threads:
             found += [
-                vector(f"{OWN}, {chassis}, vector", n, count, chassis=chassis) for n in rows if n > 1 or count == 1
+                vector(f"{OWN_FRICTION}, {chassis}, vector", n, count, chassis=chassis)
+                for n in rows
+                if n > 1 or count == 1
             ]
             found += [
                 vector(f"{friction}, {chassis}, vector", rows[-1], count, chassis=chassis, friction=friction)
                 for friction in laws
-                if friction == LAWS[0]
+                if friction == TIMED_LAWS[0]
             ]
     return found
 
 
-def other_cases(rows: Iterable[int], threads: Iterable[int] = THREADS) -> tuple[list[Case], list[str]]:
+def other_cases(rows: Iterable[int], threads: Iterable[int] = THREAD_COUNTS) -> tuple[list[Case], list[str]]:
     """Environments of others, and a note for each package that is not installed."""
     found = [
         Case("Gymnasium", CART, 1, 1, lambda n: gym.make(CART), lambda n: 1),
@@ -268,13 +270,13 @@ def measure(
     for case in given:
         memory[case] = _memory(case)
         envs.append(env := case.make(case.rows))
-        runs[case] = run_of(env, case.action(case.rows), case.rows)
+        runs[case] = make_run(env, case.action(case.rows), case.rows)
     whole, alone, foreign = plants(), parts(), right_hand_sides()
     times = in_turns({**runs, **whole, **alone, **foreign}, most=most, notify=notify)
     for env in envs:
         env.close()
     (base,) = (case for case in memory if case.what == CART)
-    of_base, of_plant = over(times, base), over(times, ONE_TRACK)
+    of_base, of_plant = ratios_to_base(times, base), ratios_to_base(times, ONE_TRACK)
     return (
         [Time(case, estimate(times[case]), of_base[case], memory[case]) for case in memory],
         [PlantTime(name, estimate(times[name]), of_plant[name]) for name in (*whole, *foreign)],
@@ -286,13 +288,15 @@ def _shares(times: Mapping[Case | str, list[float]]) -> list[Share]:
     """What the parts of the plant, the rest of it and what is around it take of a step, by chassis."""
     found = []
     for chassis in cars.SPEEDS:
-        step = next((of for case, of in times.items() if getattr(case, "what", "") == f"{OWN}, {chassis}"), None)
+        step = next(
+            (of for case, of in times.items() if getattr(case, "what", "") == f"{OWN_FRICTION}, {chassis}"), None
+        )
         if step is None:
             continue
         plants = CONTROL / SAMPLE_TIME * np.array(times[chassis])
-        each = {name: CONTROL / SAMPLE_TIME * np.array(times[f"{chassis}, {name}"]) for name in PARTS}
+        each = {name: CONTROL / SAMPLE_TIME * np.array(times[f"{chassis}, {name}"]) for name in PLANT_PARTS}
         each["rest of the plant"] = plants - sum(each.values())
-        each[AROUND] = np.array(step) - plants
+        each[AROUND_PLANT] = np.array(step) - plants
         found += [Share(chassis, name, estimate(list(of / step))) for name, of in each.items()]
     return found
 
@@ -304,7 +308,7 @@ def _resident() -> int:
 
 def _memory(case: Case) -> float:
     """What a row takes that has made a step, beyond the first [bytes]; NaN for few rows, and without Linux for many."""
-    if 1 < case.rows < ROWS[-1] or (case.rows == 1 and case.what.endswith("vector")):
+    if 1 < case.rows < ROW_COUNTS[-1] or (case.rows == 1 and case.what.endswith("vector")):
         return math.nan
     if case.rows > 1 and sys.platform != "linux":
         return math.nan
@@ -343,10 +347,10 @@ def ratios(cases: Iterable[tuple[str, str]], rounds: int = ROUNDS) -> dict[tuple
 
     A case is an id and an ``info_level``. All environments are those of ``gymnasium.make``, with its wrappers.
     """
-    runs: dict[tuple[str, str], Run] = {(CART, ""): run_of(gym.make(CART), 1, 1)}
+    runs: dict[tuple[str, str], Run] = {(CART, ""): make_run(gym.make(CART), 1, 1)}
     for name, level in cases:
-        runs[name, level] = run_of(gym.make(name, control_dt=CONTROL, info_level=level), _zeros(1), 1)
-    return {case: found.median for case, found in over(in_turns(runs, rounds), (CART, "")).items() if case[1]}
+        runs[name, level] = make_run(gym.make(name, control_dt=CONTROL, info_level=level), _zeros(1), 1)
+    return {case: found.median for case, found in ratios_to_base(in_turns(runs, rounds), (CART, "")).items() if case[1]}
 
 
 def starts(given: Iterable[Case], cache: str) -> list[Start]:
@@ -418,7 +422,7 @@ def _friction_alone(p, memory, w, steps):
 @kernel
 def _steering(p, state, inputs):
     """Assist and column with friction in a loop, under the rack force of a weave."""
-    at = layout(p)
+    at = layout_in_kernels(p)
     for i in range(inputs.shape[0]):
         u = inputs[i]
         before, after = plant.sample(p, at, state, 27.8, 0.0)
@@ -429,7 +433,7 @@ def _steering(p, state, inputs):
 @kernel
 def _evaluation(p, state, inputs):
     """Evaluations of the chassis in a loop, where it is."""
-    at = layout(p)
+    at = layout_in_kernels(p)
     for i in range(inputs.shape[0]):
         plant.evaluate(p, at, state, inputs[i], derivative)
 
@@ -437,13 +441,13 @@ def _evaluation(p, state, inputs):
 @kernel
 def _integration(p, state, inputs):
     """Steps of the chassis in a loop, so short that it stays where it is."""
-    at = layout(p)
+    at = layout_in_kernels(p)
     for i in range(inputs.shape[0]):
         plant.roll(p, at, state, 0.5, inputs[i], 1e-12)
 
 
 # Part of 1 ms of the plant -> its loop, and how often it is evaluated in it.
-PARTS: dict[str, tuple[Callable[[Any, Any, Any], None], float]] = {
+PLANT_PARTS: dict[str, tuple[Callable[[Any, Any, Any], None], float]] = {
     "assist, motor and column with friction": (_steering, 1.0),
     "tyres, suspension and body": (_evaluation, 1.0 / plant.STEPS_PER_CHASSIS_STEP),
     "integration of the chassis": (_integration, 1.0),
@@ -455,11 +459,11 @@ def plants(n: int = 2000) -> dict[str, Run]:
 
     The plant does a weave at 100 km/h on one core.
     """
-    p = make(LAWS[0])
+    p = make(TIMED_LAWS[0])
     memory = np.zeros(law.law_of(p).memory_size(p))
     loops: dict[str, Callable[[], Any]] = {FRICTION: lambda: _friction_alone(p, memory, 0.0, n)}
     for chassis in cars.SPEEDS:
-        for name, given in ((chassis, None), (f"{chassis}, {LAWS[0]}", p)):
+        for name, given in ((chassis, None), (f"{chassis}, {TIMED_LAWS[0]}", p)):
             whole, state, u = _weave(chassis, given, n)
             row = np.zeros((1, len(plant.channels(whole))))
             loops[name] = partial(plant.run, whole, state, u, row, 1)
@@ -470,7 +474,7 @@ def parts(n: int = 2000) -> dict[str, Run]:
     """Runs of the parts of 1 ms of the plant, each alone, by chassis."""
     found: dict[str, Run] = {}
     for chassis in cars.SPEEDS:
-        for name, (loop, often) in PARTS.items():
+        for name, (loop, often) in PLANT_PARTS.items():
             whole, state, u = _weave(chassis, None, n)
             found[f"{chassis}, {name}"] = partial(_time, partial(loop, whole, state, u), n / often)
     return found

@@ -11,9 +11,9 @@ the assist is faded instead, by a share of two factors:
   handwheel's own inertia, through two low-pass filters, less what friction above the bar may hold without hands.
   Nobody holds the handwheel where it is small.
 * f is the decaying peak of the handwheel speed's part above ``CORNER``, and s^2 that of the part below, plus
-  ``SLOW``^2. Quick steering is left to the car and its boost, the more the larger ``caution`` is. Only the ratio
-  counts, so an oscillation of any size fades the assist that feeds it, until it dies out. v is the car's speed: a
-  standing car has no lateral motion.
+  ``SLOW_HANDWHEEL_SPEED``^2. Quick steering is left to the car and its boost, the more the larger ``caution`` is. Only
+  the ratio counts, so an oscillation of any size fades the assist that feeds it, until it dies out. v is the car's
+  speed: a standing car has no lateral motion.
 
 Structure and numbers are assumed; the numbers were chosen on the suite for assists
 (:mod:`steer_env.experiments.learning.assist_suite`).
@@ -37,13 +37,22 @@ GRIP = 0.1  # torque of the hands beyond it that halves the assist [N m]
 GRIP_TIME = 0.15  # time constant with which the grip decays [s]
 HANDS_BANDWIDTH = 4.0  # of each of the two filters on the hands' torque [Hz]
 CORNER = 0.5  # between slow and quick motions of the handwheel [Hz]
-SLOW = 0.1  # handwheel speed below which quick motions do not count [rad/s]
+SLOW_HANDWHEEL_SPEED = 0.1  # handwheel speed below which quick motions do not count [rad/s]
 MOTION_TIME = 1.6  # time constant with which the peaks of the motions decay [s]
 HALF_SPEED = 3.0  # v_0 [m/s]
 DRIVING = CREEPING[1]  # speed below which the wanted feel is that of parking [m/s]
 
 # Layout of a row's memory: filters of the hands' torque, grip, filters of the slow and the quick part, their peaks.
-_SPEED, _HANDS, _GRIP, _LOW, _HIGH, _SLOW, _FAST, _SIZE = 0, 1, 3, 4, 6, 10, 11, 12
+(
+    _SPEED_FILTER,
+    _HANDS_FILTER,
+    _GRIP_STATE,
+    _SLOW_MOTION_FILTER,
+    _QUICK_MOTION_FILTER,
+    _SLOW_POWER,
+    _QUICK_POWER,
+    _MEMORY_SIZE,
+) = 0, 1, 3, 4, 6, 10, 11, 12
 
 
 @kernel
@@ -65,23 +74,23 @@ def write_shares(rates, inertia, dt, seen, memory, out):
     hands, corner, grip_kept, motion_kept, caution = rates
     for i in range(seen.shape[0]):
         m, speed, v = memory[i], seen[i, 1], seen[i, 2]
-        value = seen[i, 0] + inertia * (speed - m[_SPEED]) / dt
-        m[_SPEED] = speed
-        for k in range(_HANDS, _GRIP):
+        value = seen[i, 0] + inertia * (speed - m[_SPEED_FILTER]) / dt
+        m[_SPEED_FILTER] = speed
+        for k in range(_HANDS_FILTER, _GRIP_STATE):
             m[k] += hands * (value - m[k])
             value = m[k]
-        m[_GRIP] = max(abs(value) - ABOVE, grip_kept * m[_GRIP])
+        m[_GRIP_STATE] = max(abs(value) - ABOVE, grip_kept * m[_GRIP_STATE])
         slow = quick = speed
-        for k in range(_LOW, _HIGH):
+        for k in range(_SLOW_MOTION_FILTER, _QUICK_MOTION_FILTER):
             m[k] += corner * (slow - m[k])
             slow = m[k]
-        for k in range(_HIGH, _SLOW):
+        for k in range(_QUICK_MOTION_FILTER, _SLOW_POWER):
             m[k] += corner * (quick - m[k])
             quick -= m[k]
-        m[_SLOW] = max(abs(slow), motion_kept * m[_SLOW])
-        m[_FAST] = max(abs(quick), motion_kept * m[_FAST])
-        held, calm = m[_GRIP] ** 2, m[_SLOW] ** 2 + SLOW * SLOW
-        disturbed = caution * m[_FAST] ** 2 * v * v / (v * v + HALF_SPEED * HALF_SPEED)
+        m[_SLOW_POWER] = max(abs(slow), motion_kept * m[_SLOW_POWER])
+        m[_QUICK_POWER] = max(abs(quick), motion_kept * m[_QUICK_POWER])
+        held, calm = m[_GRIP_STATE] ** 2, m[_SLOW_POWER] ** 2 + SLOW_HANDWHEEL_SPEED * SLOW_HANDWHEEL_SPEED
+        disturbed = caution * m[_QUICK_POWER] ** 2 * v * v / (v * v + HALF_SPEED * HALF_SPEED)
         out[i] = held / (held + GRIP * GRIP) * calm / (calm + disturbed)
 
 
@@ -105,12 +114,12 @@ class Feel:
     def __init__(self, batch: Any, caution: float) -> None:
         self._inertia, self._dt = batch.car.column.I1, batch.control_dt
         self._rates = rates_at(self._dt, caution)
-        self._memory = np.zeros((batch.n, _SIZE))
+        self._memory = np.zeros((batch.n, _MEMORY_SIZE))
 
     def begin(self, i: int, handwheel_speed: float) -> None:
         """Start row ``i`` with a handwheel speed [rad/s], without hands."""
         self._memory[i] = 0.0
-        self._memory[i, _SPEED] = handwheel_speed
+        self._memory[i, _SPEED_FILTER] = handwheel_speed
 
     def get_state(self) -> Array:
         """A copy of what it remembers of all rows."""

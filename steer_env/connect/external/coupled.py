@@ -18,7 +18,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from steer_env.connect.external.fmu_vehicle import FmuVehicle
-from steer_env.connect.external.vehicle import GIVEN, OF_PLANT, RACK, START_SPEED, Array, CouplingError, Vehicle
+from steer_env.connect.external.vehicle import (
+    OF_PLANT,
+    RACK,
+    START_SPEED,
+    VEHICLE_OUTPUT_UNITS,
+    Array,
+    CouplingError,
+    Vehicle,
+)
 from steer_env.friction.numerics.kernel import bind
 from steer_env.manoeuvres import Manoeuvre
 from steer_env.vehicle import plant
@@ -32,13 +40,13 @@ from steer_env.vehicle.chassis.common.interface import (
     TARGET_SPEED,
     Names,
 )
-from steer_env.vehicle.layout import size_of
+from steer_env.vehicle.layout import state_size
 from steer_env.vehicle.steering.column import COLUMN_ANGLE, COLUMN_SPEED
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 from steer_env.vehicle.subsystems import steering
 
 _COLUMN = plant.CHANNEL["rack_force"]  # channels of column and assist, which come first
-_MOTION = [name for name in plant.CHANNEL if name in GIVEN]
+_MOTION = [name for name in plant.CHANNEL if name in VEHICLE_OUTPUT_UNITS]
 _INPUT = {name: i for i, (name, _) in enumerate(plant.INPUTS)}
 SPEED = ("vehicle_speed", "m/s")  # the last channel
 TARGET = plant.INPUTS[TARGET_SPEED][0]
@@ -144,7 +152,7 @@ class Coupled:
         self._values = self._before = self._from_start(self._values)
         row = np.full(len(names), np.nan)
         row[:_COLUMN], row[self._columns] = 0.0, self._values
-        return np.zeros(size_of(p)), row
+        return np.zeros(state_size(p)), row
 
     def _at_speed(self) -> bool:
         """Whether the vehicle is at the speed to start at."""

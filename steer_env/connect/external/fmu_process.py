@@ -238,12 +238,12 @@ class Instance:
 
 
 _LENGTH = 8  # of the length of a message [byte]
-_LOAD, _START, _STEP, _CLOSE = b"L", b"S", b"T", b"C"  # begin a request
+_LOAD_REQUEST, _START_REQUEST, _STEP_REQUEST, _CLOSE_REQUEST = b"L", b"S", b"T", b"C"  # begin a request
 _DONE, _FAILED = b"D", b"F"  # begin an answer: with the outputs, or with an FmuError as JSON
-_CALLS = {_LOAD: "loading", _START: "its start", _STEP: "a step", _CLOSE: "its end"}
+_CALLS = {_LOAD_REQUEST: "loading", _START_REQUEST: "its start", _STEP_REQUEST: "a step", _CLOSE_REQUEST: "its end"}
 _PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36  # of prctl
 _GRACE = 10.0  # of a keeper to end what it keeps, assumed [s]
-_LOOK = 0.5  # time between looks of the keeper for its parent, assumed [s]
+_PARENT_POLL_TIME = 0.5  # time between looks of the keeper for its parent, assumed [s]
 
 
 class OwnProcess:
@@ -284,29 +284,29 @@ class OwnProcess:
         self._answered.register(self._answers, select.POLLIN)
         self._busy = False
         try:
-            self._ask(_LOAD, json.dumps(library).encode())
+            self._ask(_LOAD_REQUEST, json.dumps(library).encode())
         except BaseException:
             self._kill()
             raise
 
     def start(self) -> None:
         """As :meth:`Instance.start`."""
-        self._ask(_START, self.parameters.memory)
+        self._ask(_START_REQUEST, self.parameters.memory)
 
     def step(self, now: float, step: float) -> None:
         """As :meth:`Instance.step`."""
-        self._ask(_STEP, struct.pack("dd", now, step) + self.inputs.memory)
+        self._ask(_STEP_REQUEST, struct.pack("dd", now, step) + self.inputs.memory)
 
     def close(self) -> None:
         """As :meth:`Instance.close`, and end the process."""
         try:
             if not self._busy:
-                self._ask(_CLOSE, b"")
+                self._ask(_CLOSE_REQUEST, b"")
                 code = self._ended(self._time_limit)
                 if code is None:
-                    raise self._late(_CALLS[_CLOSE])
+                    raise self._late(_CALLS[_CLOSE_REQUEST])
                 if code:
-                    raise self._fault(_CALLS[_CLOSE])
+                    raise self._fault(_CALLS[_CLOSE_REQUEST])
         finally:
             self._kill()
 
@@ -376,12 +376,12 @@ def _serve(answers: int) -> None:
     while request := _receive():
         kind, numbers = request[:1], request[1:]
         try:
-            if kind == _LOAD:
+            if kind == _LOAD_REQUEST:
                 instance = Instance(Library(*json.loads(numbers)))
-            elif kind == _START:
+            elif kind == _START_REQUEST:
                 instance.parameters.memory[:] = numbers
                 instance.start()
-            elif kind == _STEP:
+            elif kind == _STEP_REQUEST:
                 now, step = struct.unpack_from("dd", numbers)
                 instance.inputs.memory[:] = numbers[16:]
                 instance.step(now, step)
@@ -391,7 +391,7 @@ def _serve(answers: int) -> None:
         except FmuError as error:
             answer = _FAILED + json.dumps(error.args).encode()
         _send(answers, answer)
-        if kind == _CLOSE:
+        if kind == _CLOSE_REQUEST:
             return
 
 
@@ -434,7 +434,7 @@ def _keep(parent: int, memory_limit: int, folder: str) -> None:
     with suppress(SystemExit):
         for number in (signal.SIGTERM, signal.SIGALRM):
             signal.signal(number, look)
-        signal.setitimer(signal.ITIMER_REAL, _LOOK, _LOOK)
+        signal.setitimer(signal.ITIMER_REAL, _PARENT_POLL_TIME, _PARENT_POLL_TIME)
         code = os.waitstatus_to_exitcode(os.waitpid(worker, 0)[1])
     for number in (signal.SIGTERM, signal.SIGALRM):
         signal.signal(number, signal.SIG_IGN)

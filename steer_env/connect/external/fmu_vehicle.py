@@ -24,7 +24,13 @@ import numpy as np
 from steer_env.connect.external import mapping
 from steer_env.connect.external.fmu_process import FmuError, Instance, Library, OwnProcess
 from steer_env.connect.external.mapping import Entry, factor
-from steer_env.connect.external.vehicle import GIVEN, START_SPEED, TAKEN, Array, CouplingError
+from steer_env.connect.external.vehicle import (
+    START_SPEED,
+    VEHICLE_INPUT_UNITS,
+    VEHICLE_OUTPUT_UNITS,
+    Array,
+    CouplingError,
+)
 from steer_env.friction.numerics import archives
 from steer_env.friction.numerics.check import did_you_mean
 from steer_env.friction.numerics.extras import install
@@ -67,17 +73,20 @@ class FmuVehicle:
         self.mapping = m = mapping.load(unit, variables) if given is None else given
         try:
             _check_complete(m, given is None)
-            into = {name: _place(f"inputs.{name}", e, variables, TAKEN[name], True) for name, e in m.inputs.items()}
-            out = [_place(f"outputs.{name}", e, variables, GIVEN[name]) for name, e in m.outputs.items()]
+            into = {
+                name: _place(f"inputs.{name}", e, variables, VEHICLE_INPUT_UNITS[name], True)
+                for name, e in m.inputs.items()
+            }
+            out = [_place(f"outputs.{name}", e, variables, VEHICLE_OUTPUT_UNITS[name]) for name, e in m.outputs.items()]
             fixed = [_variable(f"parameters.{name}", name, variables, True).valueReference for name in m.parameters]
         except ValueError as error:
             raise ValueError(f"{unit}: {error}") from None
         self.meta: dict[str, Any] = {"external_vehicle": self.name, "external_vehicle_sha256": digest, **m.meta}
         self.takes = tuple(name for name in m.inputs if name != START_SPEED)
         self.gives = (*m.outputs, *(("vehicle_speed",) if "vehicle_speed" not in m.outputs else ()))
-        inputs, self._input_size = _together(into[name] for name in self.takes)
-        outputs, self._output_size = _together(out)
-        speed, self._speed_size = _together(into[name] for name in m.inputs if name == START_SPEED)
+        inputs, self._input_size = _group_by_unit(into[name] for name in self.takes)
+        outputs, self._output_size = _group_by_unit(out)
+        speed, self._speed_size = _group_by_unit(into[name] for name in m.inputs if name == START_SPEED)
         self._time = 0
         self._folder = _LockedFolder()
         try:
@@ -250,7 +259,7 @@ def _place(where: str, entry: Entry, variables: dict[str, Any], unit: str, setti
     return found.valueReference, entry.sign * factor(where, entry.unit or declared, unit)
 
 
-def _together(places: Iterable[tuple[int, float]]) -> tuple[list[int], Array]:
+def _group_by_unit(places: Iterable[tuple[int, float]]) -> tuple[list[int], Array]:
     found = list(places)
     return [reference for reference, _ in found], np.array([size for _, size in found])
 

@@ -31,7 +31,7 @@ from collections.abc import Mapping as Named
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from steer_env.connect.external.vehicle import GIVEN, OF_PLANT, START_SPEED, TAKEN
+from steer_env.connect.external.vehicle import OF_PLANT, START_SPEED, VEHICLE_INPUT_UNITS, VEHICLE_OUTPUT_UNITS
 from steer_env.friction.numerics import toml
 from steer_env.friction.numerics.check import did_you_mean, flag, number, whole
 from steer_env.recording.units import SPELLINGS, parse_unit
@@ -41,7 +41,7 @@ GEOMETRY = ("wheelbase_m", "steering_ratio")  # keys of the meta
 LONGEST_STEP = 100  # communication step [ms]
 TIME_LIMIT, MEMORY_LIMIT = 60.0, 4e9  # of a process of its own, assumed [s], [byte]
 _LIMITS = ("time_limit_s", "memory_limit_gb")
-_KEYS = ("fmu", "step_ms", "speed_m_s", "inputs", "outputs", "parameters", "meta", "own_process", *_LIMITS)
+_MAPPING_KEYS = ("fmu", "step_ms", "speed_m_s", "inputs", "outputs", "parameters", "meta", "own_process", *_LIMITS)
 _ENTRY_KEYS = ("variable", "unit", "sign")
 
 
@@ -57,8 +57,8 @@ class Mapping(NamedTuple):
     """A unit and how it is coupled."""
 
     fmu: Path
-    inputs: dict[str, Entry]  # by names of ``TAKEN``
-    outputs: dict[str, Entry]  # by names of ``GIVEN``
+    inputs: dict[str, Entry]  # by names of ``VEHICLE_INPUT_UNITS``
+    outputs: dict[str, Entry]  # by names of ``VEHICLE_OUTPUT_UNITS``
     parameters: dict[str, float]  # start values [units of the FMU]
     speed: float | None  # of a unit that gives none [m/s]
     step: int  # communication step [ms]
@@ -80,8 +80,10 @@ def load(path: str | Path, variables: Named[str, Any]) -> Mapping:
     variables : mapping
         Its variables by their names, as fmpy describes them.
     """
-    inputs = {name: Entry(OF_PLANT.get(name, name)) for name in TAKEN if OF_PLANT.get(name, name) in variables}
-    outputs = {name: Entry(name) for name in GIVEN if name in variables}
+    inputs = {
+        name: Entry(OF_PLANT.get(name, name)) for name in VEHICLE_INPUT_UNITS if OF_PLANT.get(name, name) in variables
+    }
+    outputs = {name: Entry(name) for name in VEHICLE_OUTPUT_UNITS if name in variables}
     held = next((name for name in HELD_SPEED if name in variables), None)
     if held is not None and variables[held].causality == "parameter":  # which it was not always
         inputs.setdefault(START_SPEED, Entry(held))
@@ -110,8 +112,8 @@ def read(path: str | Path) -> Mapping:
 
 def _from_data(data: dict[str, Any], folder: Path) -> Mapping:
     for key in data:
-        if key not in _KEYS:
-            raise ValueError(f"a mapping has no key {key!r}; it takes {', '.join(_KEYS)}")
+        if key not in _MAPPING_KEYS:
+            raise ValueError(f"a mapping has no key {key!r}; it takes {', '.join(_MAPPING_KEYS)}")
     if not isinstance(data.get("fmu"), str):
         raise ValueError(f'a mapping names its unit, as fmu = "vehicle.fmu", got {data.get("fmu")!r}')
     sections = {name: data.get(name, {}) for name in ("inputs", "outputs", "parameters", "meta")}
@@ -126,8 +128,14 @@ def _from_data(data: dict[str, Any], folder: Path) -> Mapping:
     speed = number("speed_m_s", data["speed_m_s"], minimum=0.0) if "speed_m_s" in data else None
     return Mapping(
         folder / data["fmu"],
-        {name: _entry(f"inputs.{name}", name, given, TAKEN) for name, given in sections["inputs"].items()},
-        {name: _entry(f"outputs.{name}", name, given, GIVEN) for name, given in sections["outputs"].items()},
+        {
+            name: _entry(f"inputs.{name}", name, given, VEHICLE_INPUT_UNITS)
+            for name, given in sections["inputs"].items()
+        },
+        {
+            name: _entry(f"outputs.{name}", name, given, VEHICLE_OUTPUT_UNITS)
+            for name, given in sections["outputs"].items()
+        },
         {name: number(f"parameters.{name}", value) for name, value in sections["parameters"].items()},
         speed,
         int(number("step_ms", step, maximum=LONGEST_STEP)),

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from steer_env.connect.external.vehicle import GIVEN, OF_PLANT, RACK, Array, CouplingError
+from steer_env.connect.external.vehicle import OF_PLANT, RACK, VEHICLE_OUTPUT_UNITS, Array, CouplingError
 from steer_env.connect.udp import Client, Layout
 
-_NAMES = {name: name for name in RACK} | {exported: name for name, exported in OF_PLANT.items()}
+_EXPORTED_NAMES = {name: name for name in RACK} | {exported: name for name, exported in OF_PLANT.items()}
 
 
 class UdpVehicle:
@@ -33,8 +33,8 @@ class UdpVehicle:
         if speed is None and "longitudinal_speed" not in names:
             raise CouplingError(f"the vehicle at {self.name} does not report its speed: give it")
         self._layout, self._address, self._constant = layout, address, speed
-        self.takes = tuple(_NAMES[signal.name] for signal in layout.inputs)
-        self._places = [i for i, name in enumerate(names) if name in GIVEN]
+        self.takes = tuple(_EXPORTED_NAMES[signal.name] for signal in layout.inputs)
+        self._places = [i for i, name in enumerate(names) if name in VEHICLE_OUTPUT_UNITS]
         self.gives = (*(names[i] for i in self._places), "vehicle_speed")
         self._speed = names.index("longitudinal_speed") if speed is None else -1
         self._read = [*self._places, self._speed] if speed is None else self._places

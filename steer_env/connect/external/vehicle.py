@@ -18,14 +18,14 @@ OF_PLANT = {name: NAMED[name][0] for i, (name, _) in enumerate(INPUTS) if i not 
 RACK = ("rack_travel", "rack_speed")
 START_SPEED = "start_speed"  # is set once, before the vehicle starts
 # What a vehicle may take -> its unit.
-TAKEN = {
+VEHICLE_INPUT_UNITS = {
     **dict(zip(RACK, ("m", "m/s"))),
     **{name: unit for name, unit in INPUTS if name in OF_PLANT},
     START_SPEED: "m/s",
 }
 # What a vehicle may give -> its unit: every channel that is not of column and assist.
 _RACK_FORCE = CHANNEL["rack_force"]
-GIVEN = {name: unit for name, unit in KNOWN.items() if CHANNEL.get(name, _RACK_FORCE) >= _RACK_FORCE}
+VEHICLE_OUTPUT_UNITS = {name: unit for name, unit in KNOWN.items() if CHANNEL.get(name, _RACK_FORCE) >= _RACK_FORCE}
 
 
 class CouplingError(ValueError):
@@ -36,8 +36,8 @@ class Vehicle(Protocol):
     """An external vehicle; values are in SI units, and a rack force is positive where it resists a left turn."""
 
     name: str
-    takes: tuple[str, ...]  # of ``TAKEN``, without the start speed
-    gives: tuple[str, ...]  # of ``GIVEN``; rack force and vehicle speed are among them
+    takes: tuple[str, ...]  # of ``VEHICLE_INPUT_UNITS``, without the start speed
+    gives: tuple[str, ...]  # of ``VEHICLE_OUTPUT_UNITS``; rack force and vehicle speed are among them
     meta: dict[str, Any]  # what it tells of itself, for recordings, as ``wheelbase_m``
 
     def start(self, speed: float) -> Array:

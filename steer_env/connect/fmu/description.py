@@ -21,7 +21,7 @@ from steer_env.vehicle.subsystems import Subsystem
 from steer_env.vehicle.subsystems.chassis import HELD_SPEED
 
 # Unit -> powers of the base units.
-_KNOWN: dict[str, dict[str, int]] = {
+_BASE_UNIT_POWERS: dict[str, dict[str, int]] = {
     "1": {},
     "kg": {"kg": 1},
     "m": {"m": 1},
@@ -89,7 +89,7 @@ _BY_UNIT = {
 }
 
 
-def kind_of(v: Variable) -> Kind | None:
+def type_of_variable(v: Variable) -> Kind | None:
     """The type of a variable; None for a boolean, and where its unit has no name of a quantity."""
     return _BY_NAME.get(v.name) or _BY_UNIT.get(v.unit)
 
@@ -107,9 +107,9 @@ def base_unit(unit: str) -> dict[str, int] | None:
     for text, sign in ((over, 1), (under.strip("() "), -1)):
         for word in text.split():
             match = re.fullmatch(r"([A-Za-z]+|1)(\d?)", word)
-            if match is None or match[1] not in _KNOWN:
+            if match is None or match[1] not in _BASE_UNIT_POWERS:
                 return None
-            for base, power in _KNOWN[match[1]].items():
+            for base, power in _BASE_UNIT_POWERS[match[1]].items():
                 powers[base] = powers.get(base, 0) + sign * power * int(match[2] or 1)
     return {base: power for base, power in powers.items() if power}
 
@@ -127,7 +127,7 @@ USES: dict[str, dict[str, str]] = {
 }
 
 
-def text_of(root: ElementTree.Element) -> bytes:
+def xml_text(root: ElementTree.Element) -> bytes:
     """An XML file."""
     ElementTree.indent(root)
     text: bytes = ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
@@ -156,7 +156,7 @@ def unit_definitions(root: ElementTree.Element, variables: list[Variable]) -> No
 
 def type_definitions(root: ElementTree.Element, variables: list[Variable], version: int) -> None:
     """The types of the variables, with quantity, unit and usual size."""
-    kinds = sorted({kind for kind in map(kind_of, variables) if kind is not None})
+    kinds = sorted({kind for kind in map(type_of_variable, variables) if kind is not None})
     if kinds:
         parent = ElementTree.SubElement(root, "TypeDefinitions")
     for kind in kinds:
@@ -171,7 +171,7 @@ def type_definitions(root: ElementTree.Element, variables: list[Variable], versi
 
 def real(v: Variable) -> dict[str, str]:
     """Attributes of a real variable that both versions have."""
-    kind = kind_of(v)
+    kind = type_of_variable(v)
     found = {"declaredType": kind.name} if kind else {}
     if v.unit:
         found["unit"] = v.unit
@@ -198,7 +198,7 @@ def date() -> str:
     return made.strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
-def about(subsystem: Subsystem, description: str, token_name: str, token: str) -> dict[str, str]:
+def description_attributes(subsystem: Subsystem, description: str, token_name: str, token: str) -> dict[str, str]:
     """Attributes of the description that both versions have."""
     return {
         "modelName": f"steer-env {subsystem.name}",
@@ -244,7 +244,7 @@ def fmi2(
         The files in ``sources`` that are to be compiled.
     """
     root = ElementTree.Element(
-        "fmiModelDescription", {"fmiVersion": "2.0", **about(subsystem, description, "guid", token)}
+        "fmiModelDescription", {"fmiVersion": "2.0", **description_attributes(subsystem, description, "guid", token)}
     )
     capabilities: dict[str, Any] = {
         "modelIdentifier": identifier,
@@ -278,12 +278,12 @@ def fmi2(
         parent = ElementTree.SubElement(structure, name)
         for index in results:
             ElementTree.SubElement(parent, "Unknown", {"index": index, **attributes})
-    return text_of(root)
+    return xml_text(root)
 
 
 def fmi3(subsystem: Subsystem, variables: list[Variable], identifier: str, token: str, description: str) -> bytes:
     """The description of a unit; the arguments are those of :func:`steer_env.connect.fmu.description.fmi2`."""
-    about_unit = about(subsystem, description, "instantiationToken", token)
+    about_unit = description_attributes(subsystem, description, "instantiationToken", token)
     root = ElementTree.Element("fmiModelDescription", {"fmiVersion": "3.0", **about_unit})
     capabilities = {
         "modelIdentifier": identifier,
@@ -308,10 +308,10 @@ def fmi3(subsystem: Subsystem, variables: list[Variable], identifier: str, token
     for name, more in (("Output", {"dependencies": ""}), ("InitialUnknown", {})):
         for reference in results:
             ElementTree.SubElement(structure, name, {"valueReference": reference, **more})
-    return text_of(root)
+    return xml_text(root)
 
 
-def build(identifier: str, sources: Sequence[str]) -> bytes:
+def build_description(identifier: str, sources: Sequence[str]) -> bytes:
     """``buildDescription.xml`` of FMI 3.0, section 2.5.2: the files in ``sources`` that are to be compiled."""
     root = ElementTree.Element("fmiBuildDescription", fmiVersion="3.0")
     configuration = ElementTree.SubElement(root, "BuildConfiguration", modelIdentifier=identifier)
@@ -319,7 +319,7 @@ def build(identifier: str, sources: Sequence[str]) -> bytes:
     for name in sources:
         ElementTree.SubElement(files, "SourceFile", name=name)
     ElementTree.SubElement(configuration, "Library", name="m", description="mathematics of the C library")
-    return text_of(root)
+    return xml_text(root)
 
 
 # Terminal -> what it is, and its variables by the names that they have in it, of which a unit may lack some.
@@ -369,4 +369,4 @@ def terminals(variables: list[Variable]) -> bytes:
         for member, variable in there.items():
             about_it = {"variableName": variable, "memberName": member, "variableKind": "signal"}
             ElementTree.SubElement(terminal, "TerminalMemberVariable", about_it)
-    return text_of(root)
+    return xml_text(root)

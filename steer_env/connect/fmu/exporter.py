@@ -20,7 +20,7 @@ from steer_env.connect.fmu.description import STEP_NOTE
 from steer_env.connect.fmu.object_code import PLATFORMS, SOURCE, Processor, module_text, object_code, processor
 from steer_env.connect.variables import Variable, variables, with_road
 from steer_env.friction.numerics.check import one_of
-from steer_env.friction.sites import as_mapping, named
+from steer_env.friction.sites import as_mapping, friction_name
 from steer_env.vehicle import cars, subsystems
 from steer_env.vehicle.subsystems import Subsystem
 from steer_env.vehicle.subsystems.poses import with_poses
@@ -88,7 +88,7 @@ def export(
     wanted = _checked(Path(path), subsystem, fmi, platforms)
     loaded = vehicle if isinstance(vehicle, cars.Car) else cars.load(vehicle)
     p = loaded.plant(friction, speed, robot, road_friction, chassis)
-    name, rolls = named(p.friction), f"chassis {chassis}, held speed {speed:.6g} m/s"
+    name, rolls = friction_name(p.friction), f"chassis {chassis}, held speed {speed:.6g} m/s"
     contents, label = {
         "car": (f"friction law {name}, {rolls}", name),
         "steering": (f"friction law {name}", name),
@@ -159,7 +159,7 @@ def _files(
     else:
         text = description.fmi3(subsystem, listed, identifier, token, told)
         if sources:
-            sources["buildDescription.xml"] = description.build(identifier, compiled)
+            sources["buildDescription.xml"] = description.build_description(identifier, compiled)
     files: dict[str, bytes] = {
         "modelDescription.xml": text,
         ICONS[version]: _icon(),
@@ -181,7 +181,7 @@ _GROUPS = {
     "Fixed parameters": "FIXED",
     "Independent variable": "INDEPENDENT",
 }
-_SIZE = 100  # of the icon [pixels]
+_ICON_PIXELS = 100  # of the icon [pixels]
 
 
 def _page(subsystem: Subsystem, variables: list[Variable], processor: Processor, told: str) -> str:
@@ -209,11 +209,11 @@ def _icon() -> bytes:
     """A handwheel with three spokes, as PNG."""
     from matplotlib.image import imsave
 
-    y, x = np.mgrid[-1.0 : 1.0 : _SIZE * 1j, -1.0 : 1.0 : _SIZE * 1j]
+    y, x = np.mgrid[-1.0 : 1.0 : _ICON_PIXELS * 1j, -1.0 : 1.0 : _ICON_PIXELS * 1j]
     radius = np.hypot(x, y)
     rim, hub = np.abs(radius - 0.8) < 0.12, radius < 0.25
     spokes = (radius < 0.8) & ((np.abs(y) < 0.08) | ((np.abs(x) < 0.08) & (y > 0.0)))
-    image = np.zeros((_SIZE, _SIZE, 4))
+    image = np.zeros((_ICON_PIXELS, _ICON_PIXELS, 4))
     image[rim | hub | spokes] = (0.13, 0.29, 0.53, 1.0)
     file = io.BytesIO()
     imsave(file, image, format="png")

@@ -70,7 +70,7 @@ LEVELS = {
     "x86-64-v3": _V3,
     "x86-64-v4": (*_V3, "avx512f", "avx512dq", "avx512cd", "avx512bw", "avx512vl"),
 }
-NAMES = (*LEVELS, "native")
+PROCESSOR_NAMES = (*LEVELS, "native")
 
 
 class Processor(NamedTuple):
@@ -100,7 +100,7 @@ def processor(name: str) -> Processor:
     ValueError
         For another name.
     """
-    one_of("cpu", name, NAMES)
+    one_of("cpu", name, PROCESSOR_NAMES)
     if name in LEVELS:
         return Processor(name, LEVELS[name])
     here = llvm.get_host_cpu_features()

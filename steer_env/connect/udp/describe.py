@@ -10,10 +10,10 @@ from steer_env.connect.udp.packets import (
     FIELDS,
     HEADER,
     HEADER_SIZE,
-    KINDS,
     MAGIC,
     MODES,
     MOST_SAMPLES,
+    PACKET_KINDS,
     REASONS,
     VERSION,
     Layout,
@@ -25,7 +25,7 @@ from steer_env.vehicle.subsystems import Signal
 PLACES = {name: i for i, name in enumerate(PHASES)}  # of the phases of the watchdog
 FORMATS = ("text", "json", "c")
 _C_TYPES = {"<u2": "uint16_t", "<u4": "uint32_t", "<u8": "uint64_t", "<i8": "int64_t", "<f8": "double"}
-_WORDS = {"<u2": "uint16", "<u4": "uint32", "<u8": "uint64", "<i8": "int64", "<f8": "float64"}
+_TYPE_NAMES = {"<u2": "uint16", "<u4": "uint32", "<u8": "uint64", "<i8": "int64", "<f8": "float64"}
 
 
 def describe(layout: Layout, form: str = "text") -> str:
@@ -59,10 +59,10 @@ def _data(layout: Layout) -> dict[str, Any]:
         "refusal_size": HEADER_SIZE,
         "most_samples": MOST_SAMPLES,
         "header": [
-            {"offset": _offset(name), "name": name, "type": _WORDS[kind], "meaning": text}
+            {"offset": _offset(name), "name": name, "type": _TYPE_NAMES[kind], "meaning": text}
             for name, kind, text in FIELDS
         ],
-        "kinds": KINDS,
+        "kinds": PACKET_KINDS,
         "modes": MODES,
         "phases": PLACES,
         "reasons": {name: i for i, name in enumerate(REASONS, 1)},
@@ -91,7 +91,7 @@ def _bounds(s: Any) -> dict[str, float]:
     return {name: bound for name, bound in (("low", s.low), ("high", s.high)) if math.isfinite(bound)}
 
 
-def _within(entry: dict[str, Any]) -> str:
+def _bounds_text(entry: dict[str, Any]) -> str:
     """The bounds of an entry in words."""
     words = (("low", "at least"), ("high", "at most"))
     return "".join(f"; {text} {entry[name]:.6g}" for name, text in words if name in entry)
@@ -117,7 +117,7 @@ def _text(layout: Layout) -> str:
         lines += ["", title]
         lines += [
             f"{e['offset']:6d}  float64  {e['name']:{width}s}  {e['unit']:{units}s}  {e['meaning']}"
-            + _within(e)
+            + _bounds_text(e)
             + (f"; {e['start']:.6g} at the start" if e.get("start") else "")
             for e in entries
         ]
@@ -125,11 +125,11 @@ def _text(layout: Layout) -> str:
         width, units = (max(len(entry[key]) for entry in data["parameters"]) for key in ("name", "unit"))
         lines += ["", "Parameters, by their numbers in tune"]
         lines += [
-            f"{e['number']:6d}  {e['name']:{width}s}  {e['unit']:{units}s}  {e['meaning']}{_within(e)}"
+            f"{e['number']:6d}  {e['name']:{width}s}  {e['unit']:{units}s}  {e['meaning']}{_bounds_text(e)}"
             f"; {e['start']:.6g} at the start"
             for e in data["parameters"]
         ]
-    lines += ["", "Kinds", *(f"{number:6d}  {name}" for name, number in KINDS.items())]
+    lines += ["", "Kinds", *(f"{number:6d}  {name}" for name, number in PACKET_KINDS.items())]
     lines += ["", "Modes, in the field code of opened", *(f"{number:6d}  {name}" for name, number in MODES.items())]
     lines += ["", "Phases of the watchdog, in the field code of stepped in free running"]
     lines += [f"{number:6d}  {name}" for name, number in PLACES.items()]
@@ -201,7 +201,7 @@ def _c(layout: Layout) -> str:
         "    struct steer_header header;",
         "    double outputs[STEER_OUTPUTS]; /* in the order of enum steer_output */",
         "};",
-        *numbered("kind", "", values(KINDS, "in the field kind")),
+        *numbered("kind", "", values(PACKET_KINDS, "in the field kind")),
         *numbered("reason", "BAD_", ((name, f" = {i}", text) for i, (name, text) in enumerate(REASONS.items(), 1))),
         *numbered("mode", "", values(MODES, "in the field code of opened")),
         *numbered("phase", "PHASE_", values(PLACES, "of the watchdog, in the field code of stepped in free running")),

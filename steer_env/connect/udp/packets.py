@@ -54,7 +54,7 @@ _STRUCT = struct.Struct("<" + "".join(_LETTERS[kind] for _, kind, _ in FIELDS))
 LARGEST = 4096  # datagrams are received up to this size [byte]; every packet is smaller
 MOST_SAMPLES = 10_000  # in one step
 
-KINDS = {
+PACKET_KINDS = {
     "open": 1,  # request of a session
     "step": 2,  # request with inputs
     "close": 3,  # request to end the session
@@ -65,7 +65,7 @@ KINDS = {
     "refused": 14,
     "tuned": 15,
 }
-OPEN, STEP, CLOSE, TUNE, OPENED, STEPPED, CLOSED, REFUSED, TUNED = KINDS.values()
+OPEN, STEP, CLOSE, TUNE, OPENED, STEPPED, CLOSED, REFUSED, TUNED = PACKET_KINDS.values()
 
 MODES = {"lockstep": 0, "free-running": 1}
 FREE_RUNNING = MODES["free-running"]

@@ -15,19 +15,19 @@ from steer_env.connect.udp.session import (
     NOTHING,
     REFUSAL,
     SILENCE,
-    UNSENT,
+    UNSENT_COUNT,
     WELCOME,
     Link,
     end_where_silent,
-    link_of,
+    make_session_memory,
     report,
     respond,
 )
 from steer_env.friction.numerics.check import one_of
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.live.real_time import loop as real_time
-from steer_env.live.real_time.loop import NEVER, loop_of, register
-from steer_env.live.real_time.model import model_of
+from steer_env.live.real_time.loop import NEVER, make_loop_memory, register
+from steer_env.live.real_time.model import make_model
 from steer_env.live.real_time.safety import TRIPS, Limits
 from steer_env.live.real_time.system import WAKE, Worker, check, clock
 from steer_env.vehicle.subsystems import Subsystem
@@ -111,7 +111,7 @@ def _handle(model, link, port, size, now):
     if action == WELCOME:
         port.client[0] = port.sender[0]
     if action != NOTHING and not send(port.descriptor, link.refused if action == REFUSAL else link.sent, port.sender):
-        link.counts[UNSENT] += 1
+        link.counts[UNSENT_COUNT] += 1
 
 
 @kernel
@@ -140,7 +140,7 @@ def _read(device, model, now):
 def _write(device, model, s, torque, now):
     link, port = device.link, device.port
     if report(model, link, s, torque, now) and not send(port.descriptor, link.sent, port.client):
-        link.counts[UNSENT] += 1
+        link.counts[UNSENT_COUNT] += 1
         return False
     return True
 
@@ -192,9 +192,9 @@ class Server(Worker):
         check()
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, struct.pack("ll", 0, int(1e6 * WAKE)))
-        self.loop, made = loop_of(limits or Limits()), tunable(subsystem)
-        self._link = link_of(self.layout, mode, made.numbers[0], silence)
-        model = model_of(subsystem._replace(parameters=made))
+        self.loop, made = make_loop_memory(limits or Limits()), tunable(subsystem)
+        self._link = make_session_memory(self.layout, mode, made.numbers[0], silence)
+        model = make_model(subsystem._replace(parameters=made))
         of_socket = Port(
             descriptor=self._socket.fileno(),
             sender=np.zeros(2, np.uint64),

@@ -65,19 +65,19 @@ COUNTS = {
     "unsent": "answers that the operating system did not take",
 }
 (
-    RECEIVED,
-    SESSIONS,
-    STEPS,
-    SAMPLES,
-    LOST,
-    REPEATED,
-    LATE,
-    TRUNCATED,
-    FOREIGN,
-    DAMAGED,
-    REFUSALS,
-    SILENT,
-    UNSENT,
+    RECEIVED_COUNT,
+    SESSION_COUNT,
+    STEP_COUNT,
+    SAMPLE_COUNT,
+    LOST_COUNT,
+    REPEATED_COUNT,
+    LATE_COUNT,
+    TRUNCATED_COUNT,
+    FOREIGN_COUNT,
+    DAMAGED_COUNT,
+    REFUSAL_COUNT,
+    SILENT_COUNT,
+    UNSENT_COUNT,
 ) = range(len(COUNTS))
 
 # What becomes of a packet.
@@ -127,7 +127,7 @@ class Link(NamedTuple):
 SILENCE = 10.0  # of a client, after which its session ends [s]; assumed
 
 
-def link_of(
+def make_session_memory(
     layout: Layout, mode: str = "lockstep", numbers: NDArray[np.float64] | None = None, silence: float = SILENCE
 ) -> Link:
     """The memory of a server in a mode of ``MODES``, before its first session; ``silence`` [s] of a client ends one.
@@ -192,26 +192,26 @@ def respond(model, link, size, known, now):
         too; or REFUSAL, where ``link.refused`` is to be sent back.
     """
     counts, request, state = link.counts, link.request[0], link.state[0]
-    counts[RECEIVED] += 1
+    counts[RECEIVED_COUNT] += 1
     if not _whole(link, size):
         return NOTHING
     if request.version != VERSION:
         return _refuse(link, BAD_VERSION, 0, now)
     if request.layout != link.layout or size != HEADER_SIZE + 8 * link.given.size:
         return _refuse(link, BAD_LAYOUT, 0, now)
-    same = known and counts[SESSIONS] > 0 and request.session == state.session
+    same = known and counts[SESSION_COUNT] > 0 and request.session == state.session
     ahead = (int(request.sequence) - int(state.sequence)) % _CYCLE
     if same and ahead == 0:
         if link.mode == FREE_RUNNING and request.kind == STEP:
-            counts[REPEATED] += 1
+            counts[REPEATED_COUNT] += 1
             return NOTHING
         if request.check != state.check:
             return _refuse(link, REUSED, 0, now)
         state.heard = now
-        counts[REPEATED] += 1
+        counts[REPEATED_COUNT] += 1
         return ANSWER
     if same and ahead > _CYCLE // 2:
-        counts[LATE] += 1
+        counts[LATE_COUNT] += 1
         return NOTHING
     if request.kind == OPEN:
         return _open(model, link, now)
@@ -224,7 +224,7 @@ def respond(model, link, size, known, now):
         state.open = 0
         return _answer(link, CLOSED, now)
     if request.kind == TUNE:
-        return _tune(link, now)
+        return _tune_parameter(link, now)
     if request.kind != STEP:
         return _refuse(link, BAD_KIND, 0, now)
     return _take(model, link, ahead, now) if link.mode == FREE_RUNNING else _step(model, link, now)
@@ -235,13 +235,13 @@ def _whole(link, size):
     """Whether the datagram is a packet that arrived as it was sent."""
     request, counts = link.request[0], link.counts
     if size < HEADER_SIZE or size % 8 != 0:
-        counts[TRUNCATED] += 1
+        counts[TRUNCATED_COUNT] += 1
         return False
     if request.magic != MAGIC:
-        counts[FOREIGN] += 1
+        counts[FOREIGN_COUNT] += 1
         return False
     if checksum(link.received, size // 8) != request.check:
-        counts[DAMAGED if size == HEADER_SIZE + 8 * link.given.size else TRUNCATED] += 1
+        counts[DAMAGED_COUNT if size == HEADER_SIZE + 8 * link.given.size else TRUNCATED_COUNT] += 1
         return False
     return True
 
@@ -252,7 +252,7 @@ def _open(model, link, now):
     request, state = link.request[0], link.state[0]
     if state.open:
         return _busy(link, now)
-    if link.counts[SESSIONS] > 0 and request.session == state.session:
+    if link.counts[SESSION_COUNT] > 0 and request.session == state.session:
         return _refuse(link, USED, 0, now)
     if link.mode == FREE_RUNNING and request.samples > MOST_SAMPLES:
         return _refuse(link, BAD_SAMPLES, 0, now)
@@ -261,14 +261,14 @@ def _open(model, link, now):
         link.numbers[i] = link.begun[i]
     state.session, state.open, state.samples, state.heard = request.session, 1, 0, now
     state.asked, state.period = NEVER, max(int(request.samples), 1)
-    link.counts[SESSIONS] += 1
+    link.counts[SESSION_COUNT] += 1
     _show(model, link)
     _answer(link, OPENED, now)
     return WELCOME
 
 
 @kernel
-def _tune(link, now):
+def _tune_parameter(link, now):
     """Give a parameter the value of the request."""
     parameter, value = int(link.request[0].samples), link.given[0]
     if parameter >= link.places.size:
@@ -290,8 +290,8 @@ def _take(model, link, ahead, now):
         model.wanted[i] = link.given[i]
     state.sequence, state.check = request.sequence, request.check
     state.asked, state.stamp = now, request.sent
-    link.counts[STEPS] += 1
-    link.counts[LOST] += ahead - 1
+    link.counts[STEP_COUNT] += 1
+    link.counts[LOST_COUNT] += ahead - 1
     return NOTHING
 
 
@@ -305,7 +305,7 @@ def report(model, link, s, torque, now):
     if not state.open:
         return False
     state.samples += 1
-    link.counts[SAMPLES] += 1
+    link.counts[SAMPLE_COUNT] += 1
     if state.asked == NEVER or state.samples % state.period != 0:
         return False
     _show(model, link)
@@ -331,8 +331,8 @@ def _step(model, link, now):
     if not step(model, samples):
         return _refuse(link, DIVERGED, 0, now)
     state.samples += samples
-    link.counts[STEPS] += 1
-    link.counts[SAMPLES] += samples
+    link.counts[STEP_COUNT] += 1
+    link.counts[SAMPLE_COUNT] += samples
     _show(model, link)
     return _answer(link, STEPPED, now)
 
@@ -360,7 +360,7 @@ def _answer(link, kind, now):
 def _refuse(link, reason, detail, now):
     """Make a refusal; nothing else changes."""
     refusal = link.refusal[0]
-    link.counts[REFUSALS] += 1
+    link.counts[REFUSAL_COUNT] += 1
     _address(link, refusal, REFUSED)
     refusal.code, refusal.detail = reason, detail
     _finish(refusal, link.refused, now)
@@ -395,5 +395,5 @@ def end_where_silent(link, now):
     state = link.state[0]
     if state.open and now - state.heard > link.silence:
         state.open = 0
-        link.counts[SILENT] += 1
+        link.counts[SILENT_COUNT] += 1
     return state.open != 0

@@ -210,7 +210,7 @@ def as_mapping(driver: Driver) -> dict[str, Any]:
     return {"driver": driver.name, **options, "arm": driver.arm._asdict(), "informed": driver.informed}
 
 
-def gains_of(driver: Driver, car: Car, speed: float, road_friction: float = 1.0) -> Array:
+def preview_gains(driver: Driver, car: Car, speed: float, road_friction: float = 1.0) -> Array:
     """Gains (G,) of a driver's preview model for a car at a speed [m/s], on a road whose friction he knows [1]."""
     model = PREVIEW_MODELS[type(driver.preview_model)]
     return model.gains(model.on_road(driver.preview_model, road_friction), car, speed)

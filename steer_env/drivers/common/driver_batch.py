@@ -13,9 +13,9 @@ from steer_env.drivers.common.definition import (
     Arm,
     Driver,
     delayed_error,
-    gains_of,
     muscle_matrices,
     neuromuscular_step,
+    preview_gains,
     resolve,
 )
 from steer_env.drivers.common.known_torque import Response, known_torque
@@ -170,7 +170,7 @@ class DriverBatch:
     def _design(self, speed: float, load: float, road_friction: float) -> tuple[Array, Array]:
         """Gains of the preview model, and the row of ``feed_forward``."""
         arm, car = self.arm, self._car.loaded(load)
-        gains = gains_of(self.driver, car, speed, road_friction)
+        gains = preview_gains(self.driver, car, speed, road_friction)
         if arm.stiffness == 0.0:
             return gains, np.zeros(5)
         conditions = self._usual._replace(speed=speed, load=load, road_friction=road_friction)

@@ -16,7 +16,7 @@ from steer_env.friction.numerics.extras import install
 from steer_env.live.devices.common.device import Clock, Device, DeviceError, Reading, register
 from steer_env.recording.units import parse_unit
 
-_MOST = 1000  # frames that one call takes; the rest waits
+_MOST_FRAMES = 1000  # frames that one call takes; the rest waits
 _SPARE = 1_000_000  # of the period by which a frame may go early, as the calls come at times of their own [ns]
 
 
@@ -200,7 +200,7 @@ class Can(Device):
         """The newest angle frame; None where none arrived, or where its counter stands still."""
         news = False
         try:
-            for _ in range(_MOST):
+            for _ in range(_MOST_FRAMES):
                 frame = self._bus.recv(timeout=0)
                 if frame is None:
                     break

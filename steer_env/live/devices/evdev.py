@@ -15,7 +15,7 @@ from steer_env.live.devices.common.commands import BUTTONS
 from steer_env.live.devices.common.device import Clock, DeviceError, Reading, pedal, register, wheel_angle
 from steer_env.live.devices.common.force_wheel import ForceWheel
 
-_LEFT = 0x4000
+_LEFT_DIRECTION = 0x4000
 _FULL_GAIN = 0xFFFF
 _ALIVE = 0.1  # time after which a wheel that tells nothing is asked whether it is still there [s]
 NO_AXIS = "none"
@@ -142,7 +142,7 @@ class Evdev(ForceWheel):
         self._effect = ff.Effect(
             codes.FF_CONSTANT,
             -1,
-            _LEFT,
+            _LEFT_DIRECTION,
             ff.Trigger(0, 0),
             ff.Replay(self._length, 0),
             ff.EffectType(ff_constant_effect=ff.Constant(0, envelope)),

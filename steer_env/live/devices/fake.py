@@ -10,8 +10,8 @@ from steer_env.friction.numerics.check import number, one_of, whole
 from steer_env.live.devices.common.device import Clock, Device, DeviceError, Reading, register
 
 Hands = Callable[[float, float, float], float]  # of time [s], angle [rad] and speed [rad/s]: torque [N m]
-STEP = 500_000  # of the integration [ns]
-_KEPT = 1000  # steps of the past, as long as the longest delay of a sensor
+INTEGRATION_STEP = 500_000  # of the integration [ns]
+_KEPT_STEPS = 1000  # steps of the past, as long as the longest delay of a sensor
 _STOP_STIFFNESS = 200.0  # of the end stops [N m/rad]
 
 
@@ -46,7 +46,7 @@ class WheelModel:
         self.motor = 0.0  # torque that acts now [N m]
         self._coming: deque[tuple[int, float]] = deque()  # commands: when they arrive [ns], torque [N m]
         self._arrived, self._held = now, 0.0
-        self._past = deque([0.0], _KEPT)  # angles after each step
+        self._past = deque([0.0], _KEPT_STEPS)  # angles after each step
 
     def command(self, torque: float, arrives: int) -> None:
         """A torque [N m] that reaches the motor at a time [ns]."""
@@ -59,13 +59,13 @@ class WheelModel:
 
     def advance(self, now: int) -> None:
         """Let time pass until the last whole step before a time [ns]; a time that goes back changes nothing."""
-        while self.now + STEP <= now:
-            self.now += STEP
-            self._step(1e-9 * STEP)
+        while self.now + INTEGRATION_STEP <= now:
+            self.now += INTEGRATION_STEP
+            self._step(1e-9 * INTEGRATION_STEP)
 
     def angle_at(self, time: int) -> float:
         """The angle [rad] that the rim had at a time [ns]; the oldest that is known where that is too long ago."""
-        back = min(max((self.now - time) // STEP, 0), len(self._past) - 1)
+        back = min(max((self.now - time) // INTEGRATION_STEP, 0), len(self._past) - 1)
         return self._past[-1 - back]
 
     def _step(self, h: float) -> None:
@@ -106,7 +106,7 @@ FAULTS = {
 _WITH_NUMBER = "delay", "jump", "clock"
 
 
-def hands_of(person: str, amplitude_deg: float, frequency: float) -> Hands:
+def make_hands(person: str, amplitude_deg: float, frequency: float) -> Hands:
     """Hands of a person of ``PEOPLE``, who follows a sine of so many deg and Hz, or holds the wheel and lets go of it.
 
     Raises
@@ -136,7 +136,7 @@ def hands_of(person: str, amplitude_deg: float, frequency: float) -> Hands:
     return hands
 
 
-def faults_of(text: str) -> list[tuple[float, str, float]]:
+def parse_faults(text: str) -> list[tuple[float, str, float]]:
     """Faults as the option has them, in the order of their times: ``"jump=5@2+unplug@20"``.
 
     Returns
@@ -183,7 +183,7 @@ class Fake(Device):
     rate : float
         Readings in a second [Hz].
     faults : str
-        Faults at stated times, as of :func:`faults_of`.
+        Faults at stated times, as of :func:`parse_faults`.
     max_torque, clock
         As of :class:`Device`. With a clock that is simulated, everything is repeated to the bit.
     """
@@ -215,12 +215,12 @@ class Fake(Device):
             number("friction", friction, minimum=0.0, maximum=10.0),
             lock,
         )
-        self._hands = hands_of(person, amplitude_deg, frequency)
+        self._hands = make_hands(person, amplitude_deg, frequency)
         self._delay = 1e-3 * number("delay_ms", delay_ms, minimum=0.0, maximum=500.0)
         self._timeout = 1e-3 * number("timeout_ms", timeout_ms, minimum=1.0, maximum=10000.0)
         self._resolution = 2.0 * lock / 2 ** min(whole("bits", bits, 8), 32)
         self._period = round(1e9 / number("rate", rate, minimum=10.0, maximum=10000.0))
-        self._script = faults_of(faults)
+        self._script = parse_faults(faults)
         self.about = "the fake wheel"
 
     def _open(self) -> None:

@@ -8,7 +8,12 @@ from steer_env.friction.numerics.check import number
 from steer_env.live.devices.common.device import Clock, Reading, register
 from steer_env.live.devices.common.window_input import WindowInput
 
-LEFT, RIGHT, THROTTLE, BRAKE = ("LEFT", "a"), ("RIGHT", "d"), ("UP", "w"), ("DOWN", "s")  # of pygame, K_...
+LEFT_KEYS, RIGHT_KEYS, THROTTLE_KEYS, BRAKE_KEYS = (
+    ("LEFT", "a"),
+    ("RIGHT", "d"),
+    ("UP", "w"),
+    ("DOWN", "s"),
+)  # of pygame, K_...
 
 
 class Keyboard(WindowInput):
@@ -40,7 +45,7 @@ class Keyboard(WindowInput):
     def _open(self) -> None:
         super()._open()
         self._held: set[int] = set()
-        self._codes = [[self.code(key) for key in keys] for keys in (LEFT, RIGHT, THROTTLE, BRAKE)]
+        self._codes = [[self.code(key) for key in keys] for keys in (LEFT_KEYS, RIGHT_KEYS, THROTTLE_KEYS, BRAKE_KEYS)]
 
     def _feed(self, event: Any) -> None:
         if event.type == self.pygame.KEYDOWN:

@@ -9,7 +9,7 @@ from steer_env.friction.numerics.check import number
 from steer_env.live.devices.common.device import Clock, Reading, register
 from steer_env.live.devices.common.window_input import WindowInput
 
-_LEFT, _RIGHT = 1, 3  # buttons
+_LEFT_BUTTON, _RIGHT_BUTTON = 1, 3  # buttons
 
 
 class Mouse(WindowInput):
@@ -54,7 +54,9 @@ class Mouse(WindowInput):
 
     def read(self) -> Reading:
         """The wanted angle now."""
-        return self.reading(self.wanted, throttle=float(_LEFT in self._held), brake=float(_RIGHT in self._held))
+        return self.reading(
+            self.wanted, throttle=float(_LEFT_BUTTON in self._held), brake=float(_RIGHT_BUTTON in self._held)
+        )
 
 
 register("mouse", Mouse)

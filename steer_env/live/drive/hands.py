@@ -11,7 +11,7 @@ from typing import Any
 
 from steer_env.drivers.common.definition import Arm
 from steer_env.friction.numerics.bounds import within
-from steer_env.friction.sites import named
+from steer_env.friction.sites import friction_name
 from steer_env.live.drive.shown import ConfigurationInfo
 from steer_env.live.real_time import CarConfiguration
 from steer_env.vehicle import subsystems
@@ -111,5 +111,5 @@ def car_configuration(
     if hands == "torque":
         p = p._replace(column=p.column._replace(I_arm=ARM.inertia, C_arm=ARM.damping, K_arm=ARM.stiffness))
     assist = "boost curve" if isinstance(p.assist.functions, NoFunctions) else "boost curve, functions"
-    info = ConfigurationInfo(label, car.name, law or named(p.friction), assist, chassis)
+    info = ConfigurationInfo(label, car.name, law or friction_name(p.friction), assist, chassis)
     return CarConfiguration(label, subsystems.make("car", p, speed)), info

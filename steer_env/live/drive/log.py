@@ -19,13 +19,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from steer_env.live.real_time.recorder import OWN, Recorder
+from steer_env.live.real_time.recorder import RECORD_HEAD, Recorder
 from steer_env.recording import csv_file
 from steer_env.recording.units import FILE_UNITS
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 from steer_env.vehicle.subsystems import Subsystem
 
-_TIME, _VALUE = "%.6f", ",%.7g"  # to the microsecond; seven significant digits, as `steer-env run` writes
+_TIME_FORMAT, _VALUE_FORMAT = "%.6f", ",%.7g"  # to the microsecond; seven significant digits, as `steer-env run` writes
 
 
 class Appended:
@@ -56,7 +56,7 @@ class Appended:
     def __init__(self, path: Path, channels: Sequence[tuple[str, str]], meta: Mapping[str, Any]) -> None:
         head = csv_file.head(channels, {**meta, csv_file.APPENDED: True})
         self._sizes = [FILE_UNITS[unit][1] for _, unit in channels]
-        self._row = _TIME + _VALUE * len(channels) + "\n"
+        self._row = _TIME_FORMAT + _VALUE_FORMAT * len(channels) + "\n"
         self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o666)
         self._write(head)
 
@@ -85,7 +85,7 @@ Array = NDArray[np.float64]
 SAMPLES = 5  # in a row of the file
 SECONDS, SPACING = 10.0, 0.01  # that the window shows, and the time between two of its points [s]
 HISTORY = ("x", "y", "yaw_angle", "handwheel_angle", "torsion_bar_torque", "chosen_set")  # that the window shows
-_NAME = re.compile(r"drive-(\d+)\.csv")
+_FILE_NAME = re.compile(r"drive-(\d+)\.csv")
 # Columns of the recorder that are kept under other names, as channels of the car have theirs, with units.
 OWN_COLUMNS = {
     "missed": ("deadlines_missed", "1"),
@@ -107,13 +107,13 @@ class Column(NamedTuple):
     place: int
 
 
-def columns_of(subsystem: Subsystem, recorder: Recorder) -> list[Column]:
+def recorded_columns(subsystem: Subsystem, recorder: Recorder) -> list[Column]:
     """The channels that a recording has of the samples of a subsystem."""
-    units = [*[""] * len(OWN), *(signal.unit for signal in (*subsystem.given, *subsystem.outputs))]
-    first = len(OWN) + len(subsystem.given)
+    units = [*[""] * len(RECORD_HEAD), *(signal.unit for signal in (*subsystem.given, *subsystem.outputs))]
+    first = len(RECORD_HEAD) + len(subsystem.given)
     found = []
     for place, (name, unit) in enumerate(zip(recorder.columns, units)):
-        if place < len(OWN):
+        if place < len(RECORD_HEAD):
             if name in OWN_COLUMNS:
                 found.append(Column(*OWN_COLUMNS[name], place))
         elif place >= first or name in INPUTS:
@@ -132,7 +132,7 @@ def new_file(folder: Path, columns: Sequence[Column], meta: Mapping[str, Any]) -
     channels = [*((column.name, column.unit) for column in columns), ("vehicle_speed", "m/s")]
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        numbers = [int(found[1]) for entry in folder.iterdir() if (found := _NAME.fullmatch(entry.name))]
+        numbers = [int(found[1]) for entry in folder.iterdir() if (found := _FILE_NAME.fullmatch(entry.name))]
         for number in count(max(numbers, default=0) + 1):
             path = folder / f"drive-{number:04d}.csv"
             try:

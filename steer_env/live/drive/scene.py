@@ -11,8 +11,8 @@ from steer_env.vehicle.cars import Car
 
 Array = NDArray[np.float64]
 
-PLAIN = "plain"
-COURSES = (PLAIN, *iso3888.EDITIONS)
+PLAIN_COURSE = "plain"
+COURSES = (PLAIN_COURSE, *iso3888.EDITIONS)
 FIRST, GAP = 150.0, 250.0  # from the start to the first course, and from the end of one to the next; assumed [m]
 LANE, LANES = 3.5, 3  # width of a lane [m], and number of lanes, of which the car starts in the middle; assumed
 
@@ -36,7 +36,7 @@ class Scene:
     def __init__(self, name: str, car: Car) -> None:
         one_of("course", name, COURSES)
         self.name, self.size = name, iso3888.footprint(car)
-        course = None if name == PLAIN else iso3888.course(name, self.size.width)
+        course = None if name == PLAIN_COURSE else iso3888.course(name, self.size.width)
         self._places = np.zeros((0, 2)) if course is None else np.concatenate([course.left, course.right])
         self._period = GAP if course is None else course.length + GAP
         self._shown, self._touched = -1, np.zeros(len(self._places), bool)

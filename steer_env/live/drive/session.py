@@ -21,13 +21,13 @@ from numpy.typing import NDArray
 
 from steer_env.live.devices import Device, DeviceError, Reading
 from steer_env.live.drive.hands import Arms, Pedals, in_order
-from steer_env.live.drive.log import Log, columns_of, new_file
-from steer_env.live.drive.shown import ConfigurationInfo, History, Shown
+from steer_env.live.drive.log import Log, new_file, recorded_columns
+from steer_env.live.drive.shown import ConfigurationInfo, DriveMoment, History
 from steer_env.live.real_time import CarConfiguration, CarConfigurations, Limits, Mailboxes, RealTime
 from steer_env.live.real_time.angle_filter import BANDWIDTH
 from steer_env.live.real_time.loop import LATENESS_BIN
 from steer_env.live.real_time.measure import Durations
-from steer_env.live.real_time.recorder import OWN
+from steer_env.live.real_time.recorder import RECORD_HEAD
 from steer_env.vehicle.plant import CHANNEL
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
@@ -113,9 +113,9 @@ PERIOD = 0.002  # of the exchange with the device [s]
 WRITTEN = 0.1  # time between two additions to the file [s]
 SWITCH_INTERVAL = 0.0005  # for which a thread of Python keeps the others waiting; by default 5 ms [s]
 LATE = 2.0  # time over which the lateness is told [s]
-_GAIN = list(OWN).index("gain")
+_GAIN = list(RECORD_HEAD).index("gain")
 POSE = [CHANNEL[name] for name in ("x", "y", "yaw_angle")]  # among the channels of a car
-ODD = 1.0  # difference of clocks that is told; assumed [s]
+CLOCK_JUMP = 1.0  # difference of clocks that is told; assumed [s]
 SILENT = 1.0  # time without a reading that is told [s]
 HUNG = 0.5  # time that a device may take for its last exchange; assumed [s]
 
@@ -195,7 +195,7 @@ class Session:
             stack.callback(sys.setswitchinterval, sys.getswitchinterval())
             sys.setswitchinterval(SWITCH_INTERVAL)
             stack.enter_context(self.device)
-            columns = columns_of(self._configurations.subsystem, self._loop.recorder)
+            columns = recorded_columns(self._configurations.subsystem, self._loop.recorder)
             file = None
             if self.options.folder is not None:
                 self.path, file = new_file(self.options.folder, columns, self._meta())
@@ -304,7 +304,7 @@ class Session:
     def _check_clock(self, reading: Reading) -> None:
         """Tell a clock that jumps; the loop takes no reading of a time to come, and fades."""
         ahead = 1e-9 * (reading.stamp - time.monotonic_ns())
-        odd = abs(ahead) > ODD
+        odd = abs(ahead) > CLOCK_JUMP
         if odd and not self._odd:
             side = "ahead" if ahead > 0.0 else "behind"
             self._tell(
@@ -440,7 +440,7 @@ class Session:
             self._lateness, self._looked = lateness, now
         return self._late
 
-    def shown(self) -> Shown:
+    def shown(self) -> DriveMoment:
         """The present moment, for one thread."""
         _, phase, outputs = self._mail.get()
         counts, reading = self._loop.counts(), self._reading
@@ -448,7 +448,7 @@ class Session:
         outputs[POSE], kept[:, :3] = self._on_road(outputs[POSE]), self._on_road(kept[:, :3])
         ticks = max(counts["ticks"], 1)
         virtual = self.device.hands == "torque" and reading is not None
-        return Shown(
+        return DriveMoment(
             time=1e-3 * ticks,
             channels=outputs,
             speed=self.speed(),

@@ -25,7 +25,7 @@ class History(NamedTuple):
     configurations: NDArray[np.int64]  # (N,) that acted
 
 
-class Shown(NamedTuple):
+class DriveMoment(NamedTuple):
     """A moment of a drive."""
 
     time: float  # since the begin [s]

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from steer_env.live.drive.scene import LANE, LANES, Scene
-from steer_env.live.drive.shown import ConfigurationInfo, Shown
+from steer_env.live.drive.shown import ConfigurationInfo, DriveMoment
 from steer_env.rendering import panels
 from steer_env.rendering.canvas import Box, Canvas, Colour, mix
 from steer_env.rendering.panels import COLOURS, HAND, INK, MOTOR, MUTED, PANEL, PAPER, RULE, WANTED, with_sign
@@ -20,14 +20,14 @@ from steer_env.vehicle.plant import CHANNEL
 
 WIDTH, HEIGHT = 1280, 680
 FRAMES = 60.0  # at most in a second [1/s]
-KEPT = 10.0  # time for which the arcs suit a torque that was large; that of the loop [s]
+PEAK_HOLD_TIME = 10.0  # time for which the arcs suit a torque that was large; that of the loop [s]
 TORQUE = "torsion-bar torque"  # which a wheel gives, and which has no noise of the sensor
 TITLE = "steer-env drive"
 # Panels: left, top, width, height.
 ROAD, DIAL, LOOP, HEALTH = (14, 70, 440, 560), (468, 70, 498, 254), (468, 338, 498, 292), (980, 70, 286, 254)
 SETS = (980, 338, 286, 292)
 _STEER = "Left, Right or a, d  steer     Up, Down or w, s  pedals     "
-KEYS = (
+KEYS_TEXT = (
     "Tab  swap     1–9  choose     Page up, down  speed     C  recentre     R  road to car     "
     "P  pause     F11  full screen     Esc  end"
 )
@@ -72,7 +72,7 @@ class Window:
             self.canvas.fill_screen()
         return events, closed
 
-    def show(self, shown: Shown) -> None:
+    def show(self, shown: DriveMoment) -> None:
         """Draw a moment into the open window."""
         self.draw(shown)
         self.canvas.flip(1.0 / FRAMES)
@@ -84,7 +84,7 @@ class Window:
         """Frames shown in a second so far, NaN before the second one [1/s]."""
         return (self.frames - 1) / (time.monotonic() - self._began) if self.frames > 1 else math.nan
 
-    def draw(self, shown: Shown) -> None:
+    def draw(self, shown: DriveMoment) -> None:
         """Draw a moment."""
         canvas = self.canvas
         canvas.begin(PAPER)
@@ -96,11 +96,11 @@ class Window:
         self._loop(shown)
         self._health(shown)
         self._configurations(shown)
-        keys = f"{_STEER if shown.keyboard else ''}{KEYS}{'     Space  hold for torque' if shown.dead_man else ''}"
+        keys = f"{_STEER if shown.keyboard else ''}{KEYS_TEXT}{'     Space  hold for torque' if shown.dead_man else ''}"
         canvas.text(keys, (16, HEIGHT - 14), MUTED, 12)
         canvas.text(_cut(shown.note, 170), (16, HEIGHT - 36), INK, 13, bold=True)
 
-    def _status(self, shown: Shown) -> None:
+    def _status(self, shown: DriveMoment) -> None:
         canvas, info = self.canvas, shown.configurations[shown.chosen]
         speed = f"{round(3.6 * shown.speed)}"
         right = 16 + canvas.text(speed, (16, 36), INK, 34, bold=True)
@@ -117,7 +117,7 @@ class Window:
             canvas.text(label, (x, 24), MUTED, 11)
             canvas.text(_cut(words, 25), (x, 44), INK, 15, bold=x == 206)
 
-    def _road(self, shown: Shown) -> None:
+    def _road(self, shown: DriveMoment) -> None:
         pose = panels.Pose(*shown.channels[_POSE])
         span = min(14.0 + 1.35 * max(shown.speed, 0.0), 90.0)
         ahead = span + 20.0
@@ -143,14 +143,14 @@ class Window:
             left, top, width, _ = ROAD
             self.canvas.text(words, (left + 0.5 * width, top + 20), BAD, 15, bold=True, align=0.5)
 
-    def _dial(self, shown: Shown) -> None:
+    def _dial(self, shown: DriveMoment) -> None:
         now = shown.channels
         angle, hand, motor = (now[CHANNEL[name]] for name in ("handwheel_angle", "torsion_bar_torque", "motor_torque"))
         for largest, value in zip(self._largest, (hand, motor)):
             while largest and largest[-1][1] <= abs(value):
                 largest.pop()
             largest.append((shown.time, abs(float(value))))
-            while largest[0][0] < shown.time - KEPT:
+            while largest[0][0] < shown.time - PEAK_HOLD_TIME:
                 largest.popleft()
         arcs = [
             panels.Arc(float(value), full, colour)
@@ -171,7 +171,7 @@ class Window:
         """Full scales of the arcs of torsion bar and assist, by their largest torques of the last seconds [N m]."""
         return [panels.full_scale(largest[0][1]) for largest in self._largest]
 
-    def _loop(self, shown: Shown) -> None:
+    def _loop(self, shown: DriveMoment) -> None:
         history = shown.history
         angles, torques = np.degrees(history.angle), history.torque
         if angles.size:
@@ -190,7 +190,7 @@ class Window:
                 title=TORQUE,
             )
 
-    def _health(self, shown: Shown) -> None:
+    def _health(self, shown: DriveMoment) -> None:
         canvas, (left, top, width, _) = self.canvas, HEALTH
         right, colour = left + width - 16, _PHASES[shown.phase] if shown.motor else MUTED
         canvas.text("●", (left + 14, top + 27), colour, 20)
@@ -215,14 +215,14 @@ class Window:
             y += 30
         canvas.text(_cut(shown.device, 42), (left + 16, y + 6), MUTED, 11)
 
-    def _configurations(self, shown: Shown) -> None:
+    def _configurations(self, shown: DriveMoment) -> None:
         canvas, (left, top, width, height) = self.canvas, SETS
         canvas.field((left + 1, top + 1, width - 2, height - 2), PANEL)
         step = min(58, (height - 16) // max(len(shown.configurations), 1))
         for number, info in enumerate(shown.configurations):
             self._configuration(shown, number, info, (left + 8, top + 8 + number * step, width - 16, step - 6))
 
-    def _configuration(self, shown: Shown, number: int, info: ConfigurationInfo, box: Box) -> None:
+    def _configuration(self, shown: DriveMoment, number: int, info: ConfigurationInfo, box: Box) -> None:
         canvas, (left, top, width, height) = self.canvas, box
         colour, acts = COLOURS[number % len(COLOURS)], number == shown.chosen
         corners = [(left, top), (left + width, top), (left + width, top + height), (left, top + height)]

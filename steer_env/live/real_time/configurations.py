@@ -47,10 +47,10 @@ HEAD = 8
 # Positions of the switch's own numbers: which car acts, at which place its state stands, which car is next (-1: none),
 # samples since the choice, share of the next car, whether it was dropped, the choice that was taken last, and whether
 # the fade goes back.
-ACTING, PLACE, NEXT, AGE, SHARE, DROPPED, TAKEN, BACK = range(HEAD)
+ACTING_CAR, ACTING_PLACE, NEXT_CAR, NEXT_AGE, NEXT_SHARE, DROPPED_CAR, TAKEN_CHOICE, FADING_BACK = range(HEAD)
 SWITCHED, FAILED = range(2)  # counts
 HAND_ANGLE, HAND_SPEED = 1, 2  # among the inputs of a car, behind the hand torque
-_SHOWN = len(CHANNELS)
+_SHOWN_CHANNELS = len(CHANNELS)
 _TORQUE, _HANDWHEEL_TORQUE = CHANNEL["torsion_bar_torque"], CHANNEL["handwheel_torque"]
 
 Addresses = NDArray[np.int64]  # (N,) one for each car
@@ -82,12 +82,12 @@ class Switch(NamedTuple):
 def _begin(m, state):
     """Take the last choice: the car that becomes the next one receives the state of the acting one."""
     wanted = m.wanted[0]  # once, as it may change meanwhile
-    acting, chosen = int(state[ACTING]), wanted % m.code.size
-    state[TAKEN] = wanted
+    acting, chosen = int(state[ACTING_CAR]), wanted % m.code.size
+    state[TAKEN_CHOICE] = wanted
     if chosen == acting:
-        state[NEXT] = -1.0
-    elif chosen != int(state[NEXT]):
-        first, size = int(state[PLACE]) * m.start.shape[1], m.start.shape[1]
+        state[NEXT_CAR] = -1.0
+    elif chosen != int(state[NEXT_CAR]):
+        first, size = int(state[ACTING_PLACE]) * m.start.shape[1], m.start.shape[1]
         old, new = HEAD + first, HEAD + size - first
         for k in range(m.sizes[chosen]):
             source = m.source[acting, chosen, k]
@@ -95,7 +95,13 @@ def _begin(m, state):
             if source >= 0:
                 value = m.scale[acting, chosen, k] * state[old + source] + m.shift[acting, chosen, k]
             state[new + k] = value
-        state[NEXT], state[AGE], state[SHARE], state[DROPPED], state[BACK] = chosen, 0.0, 0.0, 0.0, 0.0
+        state[NEXT_CAR], state[NEXT_AGE], state[NEXT_SHARE], state[DROPPED_CAR], state[FADING_BACK] = (
+            chosen,
+            0.0,
+            0.0,
+            0.0,
+            0.0,
+        )
 
 
 @kernel
@@ -103,10 +109,10 @@ def _turn(m, state):
     """Within a fade, take the choice of one of its two cars."""
     wanted = m.wanted[0]  # once, as it may change meanwhile
     chosen = wanted % m.code.size
-    if chosen == int(state[ACTING]):
-        state[TAKEN], state[BACK] = wanted, 1.0
-    elif chosen == int(state[NEXT]) and state[DROPPED] == 0.0:
-        state[TAKEN], state[BACK] = wanted, 0.0
+    if chosen == int(state[ACTING_CAR]):
+        state[TAKEN_CHOICE], state[FADING_BACK] = wanted, 1.0
+    elif chosen == int(state[NEXT_CAR]) and state[DROPPED_CAR] == 0.0:
+        state[TAKEN_CHOICE], state[FADING_BACK] = wanted, 0.0
 
 
 @kernel
@@ -158,10 +164,10 @@ def _handwheel(m, state, hand):
     float
         Hand torque less that of arms [N m].
     """
-    place, share = int(state[PLACE]), state[SHARE]
-    acting, following = int(state[ACTING]), int(state[NEXT])
+    place, share = int(state[ACTING_PLACE]), state[NEXT_SHARE]
+    acting, following = int(state[ACTING_CAR]), int(state[NEXT_CAR])
     a, r = _column(m, acting, place, state, np.nan)
-    twist = m.rows[1 - place, _TORQUE] if state[DROPPED] != 0.0 else np.nan
+    twist = m.rows[1 - place, _TORQUE] if state[DROPPED_CAR] != 0.0 else np.nan
     a_next, r_next = _column(m, following, 1 - place, state, twist)
     first = HEAD + place * m.start.shape[1]
     angle, speed = state[first + HANDWHEEL_ANGLE], state[first + HANDWHEEL_SPEED]
@@ -177,10 +183,10 @@ def _handwheel(m, state, hand):
 def _drop(m, state):
     """Let the next car show what it showed last; in the run-in, where nothing of it is shown, forget it."""
     m.counts[FAILED] += 1
-    state[DROPPED] = state[BACK] = 1.0
-    if state[SHARE] == 0.0:
-        state[NEXT] = -1.0
-    place = int(state[PLACE])
+    state[DROPPED_CAR] = state[FADING_BACK] = 1.0
+    if state[NEXT_SHARE] == 0.0:
+        state[NEXT_CAR] = -1.0
+    place = int(state[ACTING_PLACE])
     for j in range(m.rows.shape[1]):
         m.rows[1 - place, j] = m.rows[2, j]
     own = m.rows[place, _TORQUE]
@@ -190,57 +196,62 @@ def _drop(m, state):
 @kernel
 def _run_next(m, state, inputs):
     """Advance the next car, beside the acting one."""
-    place = 1 - int(state[PLACE])
+    place = 1 - int(state[ACTING_PLACE])
     row = m.rows[place]
     for j in range(row.size):
         m.rows[2, j] = row[j]
-    finite = _run(m, int(state[NEXT]), place, True, state, m.given, inputs) and is_finite(row[:_SHOWN])
-    if not (finite and abs(row[_TORQUE]) <= IMPLAUSIBLE and state[AGE] <= RUN_IN + LONGEST):
+    finite = _run(m, int(state[NEXT_CAR]), place, True, state, m.given, inputs) and is_finite(row[:_SHOWN_CHANNELS])
+    if not (finite and abs(row[_TORQUE]) <= IMPLAUSIBLE and state[NEXT_AGE] <= RUN_IN + LONGEST):
         _drop(m, state)
 
 
 @kernel
 def _fade(m, state):
     """Move the share of the next car; at its end that car acts."""
-    place = int(state[PLACE])
+    place = int(state[ACTING_PLACE])
     difference = abs(m.rows[1 - place, _TORQUE] - m.rows[place, _TORQUE])
     # A free handwheel answers a ramp of the torque with up to twice its slope.
     most = 0.5 * LARGEST_STEP if m.by_torque else LARGEST_STEP
     change = 1.0 / FADE
     if change * difference > most:
         change = most / difference
-    state[SHARE] = within(state[SHARE] + (-change if state[BACK] != 0.0 else change), 0.0, 1.0)
-    if state[SHARE] == 0.0:
-        state[NEXT] = -1.0
-    elif state[SHARE] >= 1.0 - 1e-9:  # a sum of hundredths is not exactly 1
-        state[ACTING], state[PLACE], state[NEXT], state[SHARE] = state[NEXT], 1 - place, -1.0, 0.0
+    state[NEXT_SHARE] = within(state[NEXT_SHARE] + (-change if state[FADING_BACK] != 0.0 else change), 0.0, 1.0)
+    if state[NEXT_SHARE] == 0.0:
+        state[NEXT_CAR] = -1.0
+    elif state[NEXT_SHARE] >= 1.0 - 1e-9:  # a sum of hundredths is not exactly 1
+        state[ACTING_CAR], state[ACTING_PLACE], state[NEXT_CAR], state[NEXT_SHARE] = (
+            state[NEXT_CAR],
+            1 - place,
+            -1.0,
+            0.0,
+        )
         m.counts[SWITCHED] += 1
 
 
 @kernel
 def _sample(m, state, given, inputs, outputs):
     """Advance all by one sample; whether the acting car stays finite."""
-    if state[TAKEN] != m.wanted[0]:
-        if state[SHARE] == 0.0:
+    if state[TAKEN_CHOICE] != m.wanted[0]:
+        if state[NEXT_SHARE] == 0.0:
             _begin(m, state)
         else:
             _turn(m, state)
-    switching = state[NEXT] >= 0.0
-    fading = switching and state[AGE] >= RUN_IN
+    switching = state[NEXT_CAR] >= 0.0
+    fading = switching and state[NEXT_AGE] >= RUN_IN
     if switching:
-        state[AGE] += 1.0
+        state[NEXT_AGE] += 1.0
         for i in range(given.size):
             m.given[i] = given[i]
     hand = _handwheel(m, state, given[0]) if fading and m.by_torque else 0.0
-    place = int(state[PLACE])
-    if not _run(m, int(state[ACTING]), place, fading, state, m.given if fading else given, inputs):
+    place = int(state[ACTING_PLACE])
+    if not _run(m, int(state[ACTING_CAR]), place, fading, state, m.given if fading else given, inputs):
         return False
     if switching:
         if m.by_torque and not fading:
             first = HEAD + place * m.start.shape[1]
             m.given[HAND_ANGLE] = state[first + HANDWHEEL_ANGLE]
             m.given[HAND_SPEED] = state[first + HANDWHEEL_SPEED]
-        if state[DROPPED] == 0.0:
+        if state[DROPPED_CAR] == 0.0:
             _run_next(m, state, inputs)
     if fading:
         _fade(m, state)
@@ -253,12 +264,12 @@ def _sample(m, state, given, inputs, outputs):
 @kernel
 def _show(m, state, shown):
     """Mix the channels of both cars, and tell which acts."""
-    place, share = int(state[PLACE]), state[SHARE]
+    place, share = int(state[ACTING_PLACE]), state[NEXT_SHARE]
     for j in range(shown.size):
         shown[j] = m.rows[place, j]
         if share > 0.0:
             shown[j] += share * (m.rows[1 - place, j] - m.rows[place, j])
-    m.now[0], m.now[1], m.now[2] = state[ACTING], state[NEXT], share
+    m.now[0], m.now[1], m.now[2] = state[ACTING_CAR], state[NEXT_CAR], share
 
 
 @kernel
@@ -314,7 +325,7 @@ class CarConfigurations:
         self._choices = itertools.count(1)
         self.memory = _memory(cars)
         state = np.zeros(HEAD + 2 * self.memory.start.shape[1])
-        state[NEXT], state[ACTING], state[TAKEN] = -1.0, 0.0, 0.0
+        state[NEXT_CAR], state[ACTING_CAR], state[TAKEN_CHOICE] = -1.0, 0.0, 0.0
         state[HEAD : HEAD + self.memory.start.shape[1]] = self.memory.start[0]
         self.subsystem = cars[
             0

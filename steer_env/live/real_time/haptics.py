@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from steer_env.friction.numerics.check import number
 from steer_env.friction.numerics.kernel import bind, kernel
 from steer_env.live.real_time.angle_filter import response
-from steer_env.live.real_time.model import model_of, step
+from steer_env.live.real_time.model import make_model, step
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 from steer_env.vehicle.subsystems import Subsystem
 
@@ -28,7 +28,7 @@ OWN_DELAY = 1.5 * SAMPLE_TIME
 AMPLITUDES = (0.003, 0.01, 0.03, 0.1)  # of the angle [rad]
 FREQUENCIES = np.geomspace(0.5, 100.0, 40)  # [Hz]
 MARGIN = 0.8  # of the torque that oscillates with the delay of the wheel, the share that it may give; assumed
-_FINE = 10_000  # frequencies between which a crossing is sought
+_FINE_GRID_SIZE = 10_000  # frequencies between which a crossing is sought
 _LEAST_TIME, _LEAST_CYCLES = 1.0, 6  # of a sine [s]; the second half of it counts
 
 
@@ -98,7 +98,7 @@ def driving_stiffness(subsystem: Subsystem, amplitude: float) -> NDArray[np.comp
         omega = 2.0 * math.pi * frequency
         cycles = max(_LEAST_CYCLES, math.ceil(_LEAST_TIME * frequency))
         torque = np.zeros(round(cycles / frequency / SAMPLE_TIME))
-        bind(_sine, *(arguments := (model_of(subsystem), *places, omega, amplitude, torque)))(*arguments)
+        bind(_sine, *(arguments := (make_model(subsystem), *places, omega, amplitude, torque)))(*arguments)
         t = SAMPLE_TIME * np.arange(1, torque.size + 1)[torque.size // 2 :]
         shapes = np.column_stack([np.sin(omega * t), np.cos(omega * t), np.ones(t.size)])
         real, imaginary, _ = np.linalg.lstsq(shapes, torque[torque.size // 2 :], rcond=None)[0]
@@ -119,7 +119,7 @@ def longest_delay(wheel: Wheel, stiffness: NDArray[np.complex128]) -> tuple[floa
     # Beyond these the wheel's own stiffness is surely below, and above, that of the plant.
     low = min(known[0], 0.5 * answer[0] / wheel.damping, math.sqrt(0.5 * answer[0] / wheel.inertia))
     high = max(known[-1], 1.1 * math.sqrt(answer.max() / wheel.inertia))
-    omega = np.geomspace(low, high, _FINE)
+    omega = np.geomspace(low, high, _FINE_GRID_SIZE)
     size, phase = np.interp(omega, known, answer), np.interp(omega, known, np.unwrap(np.angle(stiffness)))
     own = wheel.inertia * omega**2 - 1j * wheel.damping * omega
     larger = size > np.abs(own)

@@ -15,9 +15,18 @@ from numpy.typing import NDArray
 from steer_env.friction.numerics.kernel import dispatch, kernel
 from steer_env.live.real_time import safety
 from steer_env.live.real_time.configurations import CarConfigurations
-from steer_env.live.real_time.model import implausible, jumps, model_of, step, subsystem_of, take_inputs
+from steer_env.live.real_time.model import implausible, jumps, make_model, running_subsystem, step, take_inputs
 from steer_env.live.real_time.recorder import NO_RING, Recorder, Ring, keep
-from steer_env.live.real_time.safety import FADING, SAFETY, TRIPS, Limits, checked, end_torque, limit_torque, supervise
+from steer_env.live.real_time.safety import (
+    PHASE_FADING,
+    SAFETY,
+    TRIPS,
+    Limits,
+    checked,
+    end_torque,
+    limit_torque,
+    supervise,
+)
 from steer_env.live.real_time.system import Worker, clock, sleep_until
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 from steer_env.vehicle.subsystems import Subsystem
@@ -26,7 +35,7 @@ PERIOD = 1_000_000  # [ns]
 NEVER = -1  # time of an input that never arrived
 BINS = 50_000  # of a histogram; what is larger counts in the last
 LATENESS_BIN, WORK_BIN = 1_000, 100  # widths [ns]
-MANY = 2**62  # samples, which no loop reaches
+ENDLESS_SAMPLES = 2**62  # samples, which no loop reaches
 COUNTS = {
     "ticks": "deadlines at which a sample was computed",
     "missed": "deadlines left out",
@@ -70,7 +79,7 @@ class Loop(NamedTuple):
     most: int  # samples after which it ends
 
 
-def loop_of(limits: Limits, most: int = MANY, ring: Ring = NO_RING) -> Loop:
+def make_loop_memory(limits: Limits, most: int = ENDLESS_SAMPLES, ring: Ring = NO_RING) -> Loop:
     """The memory of a loop that ends after so many samples at the latest, and keeps samples in a ring.
 
     Raises
@@ -154,7 +163,7 @@ def run(model, loop, device):
         if loop.stop[0] != 0 or loop.counts[TICKS] >= loop.most:
             if s.gain == 0.0:
                 break
-            s.phase = FADING
+            s.phase = PHASE_FADING
         deadline = at_deadline(model, loop, device, deadline)
     write(device, model, s, 0.0, clock(loop.time))
 
@@ -189,13 +198,13 @@ class RealTime(Worker):
         source: Subsystem | CarConfigurations,
         device: Any,
         limits: Limits | None = None,
-        most: int = MANY,
+        most: int = ENDLESS_SAMPLES,
         priority: int = 0,
         recorded: float = 10.0,
     ) -> None:
-        self.recorder = Recorder(subsystem_of(source), recorded)
-        self.loop = loop_of(limits or Limits(), most, self.recorder.ring)
-        self._model = model_of(source)
+        self.recorder = Recorder(running_subsystem(source), recorded)
+        self.loop = make_loop_memory(limits or Limits(), most, self.recorder.ring)
+        self._model = make_model(source)
         super().__init__(run, (self._model, self.loop, device), self.loop.stop, priority)
 
     def resume(self) -> None:

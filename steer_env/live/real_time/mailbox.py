@@ -18,8 +18,8 @@ from steer_env.live.real_time import angle_filter
 from steer_env.live.real_time.angle_filter import AngleFilter, estimate, follow
 from steer_env.live.real_time.configurations import CarConfigurations
 from steer_env.live.real_time.loop import NEVER, PERIOD, register
-from steer_env.live.real_time.model import subsystem_of
-from steer_env.live.real_time.safety import FAILED, PHASES
+from steer_env.live.real_time.model import running_subsystem
+from steer_env.live.real_time.safety import PHASE_FAILED, PHASES
 from steer_env.live.real_time.system import fence
 from steer_env.vehicle.subsystems import Subsystem
 
@@ -113,7 +113,7 @@ class Mailboxes:
         dead_man: bool = False,
         clock: Callable[[], int] = time.monotonic_ns,
     ) -> None:
-        subsystem = subsystem_of(source)
+        subsystem = running_subsystem(source)
         self._clock = clock
         self._names = [signal.name for signal in subsystem.given]
         angle = -1
@@ -175,7 +175,7 @@ class Mailboxes:
         """
         _, values, written = self._last()
         if written is None:
-            return 0.0, PHASES[FAILED], values[2:]
+            return 0.0, PHASES[PHASE_FAILED], values[2:]
         torque = float(values[0]) if self._clock() - written <= LIFELESS else 0.0
         return torque, PHASES[int(values[1])], values[2:]
 

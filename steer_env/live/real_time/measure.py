@@ -24,11 +24,11 @@ from steer_env.live.real_time.loop import (
     Loop,
     at_deadline,
     counts,
-    loop_of,
+    make_loop_memory,
     register,
     wake,
 )
-from steer_env.live.real_time.model import model_of, subsystem_of
+from steer_env.live.real_time.model import make_model, running_subsystem
 from steer_env.live.real_time.safety import Limits
 from steer_env.live.real_time.system import Worker, check, clock
 from steer_env.vehicle.subsystems import Subsystem
@@ -119,14 +119,16 @@ def measure(source: Subsystem | CarConfigurations, seconds: float, priority: int
     PermissionError
         The priority is not allowed.
     """
-    subsystem = subsystem_of(source)
+    subsystem = running_subsystem(source)
     names = [signal.name for signal in subsystem.given]
     if "hand_angle" not in names:
         raise ValueError(f"a subsystem with a handwheel is measured, got {subsystem.name}")
-    loop: Loop = loop_of(Limits(), round(1e9 * seconds / PERIOD))
+    loop: Loop = make_loop_memory(Limits(), round(1e9 * seconds / PERIOD))
     device = Sine(names.index("hand_angle"), names.index("hand_speed"))
     lateness, worst = np.zeros(BINS, np.int64), np.zeros(1, np.int64)
-    with Worker(_loop_and_bare_loop, (model_of(source), loop, device, lateness, worst), loop.stop, priority) as worker:
+    with Worker(
+        _loop_and_bare_loop, (make_model(source), loop, device, lateness, worst), loop.stop, priority
+    ) as worker:
         worker.wait()
     return Measured(
         Durations(loop.lateness, 1e-9 * LATENESS_BIN, 1e-9 * float(loop.worst[0])),

@@ -53,14 +53,14 @@ class Model(NamedTuple):
     now: Array  # (3,) configuration that acts, the next one or -1, and its share
 
 
-def subsystem_of(source: "Subsystem | CarConfigurations") -> Subsystem:
+def running_subsystem(source: "Subsystem | CarConfigurations") -> Subsystem:
     """The subsystem that a loop runs: that of the configurations, or the subsystem itself."""
     return source if isinstance(source, Subsystem) else source.subsystem
 
 
-def model_of(source: "Subsystem | CarConfigurations") -> Model:
+def make_model(source: "Subsystem | CarConfigurations") -> Model:
     """A subsystem of :func:`steer_env.vehicle.subsystems.make`, or configurations, at the begin of a session."""
-    subsystem = subsystem_of(source)
+    subsystem = running_subsystem(source)
     own = isinstance(subsystem.parameters, Switch | Tunable)
     begin = np.zeros(subsystem.given_size)
     begin[: len(subsystem.given)] = [signal.start for signal in subsystem.given]

@@ -16,7 +16,7 @@ from steer_env.vehicle.steering.eps import SAMPLE_TIME
 from steer_env.vehicle.subsystems import Subsystem
 
 # What stands before inputs and outputs in a row.
-OWN = {
+RECORD_HEAD = {
     "time": "monotonic clock when the sample began [s]",
     "missed": "deadlines left out before it",
     "input_age": "age of the last input then, infinite where there is none [s]",
@@ -38,17 +38,17 @@ class Ring(NamedTuple):
     lost: NDArray[np.int64]  # (1,) samples for which there was no room
 
 
-def ring_of(rows: int, columns: int) -> Ring:
+def make_ring(rows: int, columns: int) -> Ring:
     """An empty ring."""
     return Ring(np.zeros((rows, columns)), *(np.zeros(1, np.int64) for _ in range(3)))
 
 
-NO_RING = ring_of(0, 0)  # keeps nothing
+NO_RING = make_ring(0, 0)  # keeps nothing
 
 
 @kernel
 def keep(ring, model, s, now, missed, age, torque):
-    """Write a sample, where there is room: see ``OWN``."""
+    """Write a sample, where there is room: see ``RECORD_HEAD``."""
     if ring.rows.shape[0] == 0:
         return
     written = ring.written[0]
@@ -88,8 +88,8 @@ class Recorder:
     def __init__(self, subsystem: Subsystem, seconds: float) -> None:
         held = number("recorded seconds", seconds, minimum=0.0, maximum=3600.0)
         signals = [signal.name for signal in (*subsystem.given, *subsystem.outputs)]
-        self.columns = (*OWN, *signals)  # names of the numbers in a row
-        self.ring = ring_of(round(held / SAMPLE_TIME), len(self.columns)) if held else NO_RING
+        self.columns = (*RECORD_HEAD, *signals)  # names of the numbers in a row
+        self.ring = make_ring(round(held / SAMPLE_TIME), len(self.columns)) if held else NO_RING
         self._lost = 0
 
     def drain(self) -> tuple[NDArray[np.float64], int]:

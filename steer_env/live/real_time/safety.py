@@ -3,15 +3,15 @@
 The torque of the plant reaches the motor times a gain, which a state machine moves:
 
     OFF       gain 0. Begins to start where inputs arrive, a dead-man key is held, and the loop keeps its deadlines.
-    STARTING  the gain rises from 0 to 1 in ``soft_start``.
+    PHASE_STARTING  the gain rises from 0 to 1 in ``soft_start``.
     ON        gain 1.
-    FADING    the gain falls to 0 in ``fade`` at most, and goes on falling whatever happens; then OFF, or FAILED.
-    FAILED    gain 0 until a new session begins, or `RealTime.resume`.
+    PHASE_FADING    the gain falls to 0 in ``fade`` at most, and goes on falling whatever happens; then OFF, or
+    PHASE_FAILED. PHASE_FAILED    gain 0 until a new session begins, or `RealTime.resume`.
 
-From STARTING and ON it fades where no input arrived for ``hold``, where deadlines are missed, where a dead-man key is
-released, or where the motor's side reports a failure, behind which it stays FAILED. Where an input is outside its
-range, the handwheel angle jumps, or the plant does not stay finite, it is FAILED at once. docs/real_time.md has the
-same as a table.
+From PHASE_STARTING and ON it fades where no input arrived for ``hold``, where deadlines are missed, where a dead-man
+key is released, or where the motor's side reports a failure, behind which it stays PHASE_FAILED. Where an input is
+outside its range, the handwheel angle jumps, or the plant does not stay finite, it is PHASE_FAILED at once.
+docs/real_time.md has the same as a table.
 """
 
 import math
@@ -25,7 +25,7 @@ from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 PHASES = ("off", "starting", "on", "fading", "failed")
-OFF, STARTING, ON, FADING, FAILED = range(len(PHASES))
+PHASE_OFF, PHASE_STARTING, PHASE_ON, PHASE_FADING, PHASE_FAILED = range(len(PHASES))
 
 
 class Limits(NamedTuple):
@@ -89,14 +89,14 @@ FORGIVEN = 0.1  # of a missed deadline, by each that is kept
 @kernel
 def begin(s):
     """Forget failures, and return to OFF once the torque of the last session has faded."""
-    s.phase, s.input_gain, s.misses, s.failed, s.heard = FADING if s.gain > 0.0 else OFF, 1.0, 0.0, 0, -1
+    s.phase, s.input_gain, s.misses, s.failed, s.heard = PHASE_FADING if s.gain > 0.0 else PHASE_OFF, 1.0, 0.0, 0, -1
 
 
 @kernel
 def end_torque(s):
     """End the torque at once, until a new session begins."""
-    s.failure_trips += s.phase == STARTING or s.phase == ON
-    s.phase, s.gain, s.limited, s.failed = FAILED, 0.0, 0.0, 1
+    s.failure_trips += s.phase == PHASE_STARTING or s.phase == PHASE_ON
+    s.phase, s.gain, s.limited, s.failed = PHASE_FAILED, 0.0, 0.0, 1
 
 
 @kernel
@@ -121,9 +121,9 @@ def supervise(limits, s, elapsed, age, missed, released):
     overrun = s.misses > limits.missed
     step = elapsed / limits.fade
     s.input_gain = within(s.input_gain + (-step if stale else step), 0.0, 1.0)
-    if s.phase == STARTING or s.phase == ON:
+    if s.phase == PHASE_STARTING or s.phase == PHASE_ON:
         if s.failed != 0 or overrun or stale or released:
-            s.phase = FADING
+            s.phase = PHASE_FADING
             if s.failed != 0:
                 s.failure_trips += 1
             elif overrun:
@@ -132,19 +132,19 @@ def supervise(limits, s, elapsed, age, missed, released):
                 s.stale_trips += age < math.inf  # else the client has gone, as it told
             else:
                 s.dead_man_trips += 1
-    elif s.phase == OFF:
+    elif s.phase == PHASE_OFF:
         if s.failed != 0:
-            s.phase = FAILED
+            s.phase = PHASE_FAILED
         elif not (stale or overrun or released):
-            s.phase = STARTING
-    if s.phase == STARTING:
+            s.phase = PHASE_STARTING
+    if s.phase == PHASE_STARTING:
         s.gain = min(s.gain + elapsed / limits.soft_start, 1.0)
         if s.gain == 1.0:
-            s.phase = ON
-    elif s.phase == FADING:
+            s.phase = PHASE_ON
+    elif s.phase == PHASE_FADING:
         s.gain = max(s.gain - step, 0.0)
         if s.gain == 0.0:
-            s.phase = FAILED if s.failed != 0 else OFF
+            s.phase = PHASE_FAILED if s.failed != 0 else PHASE_OFF
 
 
 @kernel

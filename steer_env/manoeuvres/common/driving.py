@@ -12,7 +12,7 @@ from steer_env.courses.iso3888 import footprint
 from steer_env.friction.numerics.check import positive
 from steer_env.friction.numerics.kernel import bind
 from steer_env.friction.numerics.packing import common_columns, kind, leaves, numbers, structure
-from steer_env.friction.sites import named
+from steer_env.friction.sites import friction_name
 from steer_env.manoeuvres.common.definition import Manoeuvre
 from steer_env.manoeuvres.common.shapes import ramp_and_hold
 from steer_env.recording.recording import Recording
@@ -25,7 +25,7 @@ from steer_env.vehicle.tyre import BEYOND_TYRE
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
-BLOCK = 1024  # rows of a record that are taken apart at once
+BLOCK_ROWS = 1024  # rows of a record that are taken apart at once
 HOLD = 10  # samples between two calls of a driver
 BESIDE = 4  # plants that run side by side
 CLOSE = 1e-5  # error of the lateral acceleration that is reached [1]
@@ -132,7 +132,9 @@ class WholeCar:
         }
 
 
-OWN = WholeCar()  # which tells a divergence by channels that are not finite; others raise an error of their own
+OWN_SIMULATOR = (
+    WholeCar()
+)  # which tells a divergence by channels that are not finite; others raise an error of their own
 
 
 def build_plant(car: Car, manoeuvre: Manoeuvre, friction: Any, road_friction: float = 1.0) -> plant.Plant:
@@ -167,10 +169,12 @@ class FoundAmplitude(NamedTuple):
     growth: float  # of the logarithm of the acceleration with that of the amplitude [1]
 
 
-FAR = FoundAmplitude(0.2, 1.0)  # of a car of which nothing is known but that its response is nearly proportional
+FAR_START_AMPLITUDE = FoundAmplitude(
+    0.2, 1.0
+)  # of a car of which nothing is known but that its response is nearly proportional
 
 
-def find_amplitude(p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator = OWN) -> float:
+def find_amplitude(p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator = OWN_SIMULATOR) -> float:
     """Handwheel amplitude that reaches the manoeuvre's lateral acceleration [rad].
 
     Raises
@@ -190,7 +194,7 @@ def _sole(found: Sequence[T | ValueError]) -> T:
 
 
 def search(
-    p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator = OWN, near: FoundAmplitude | None = None
+    p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator = OWN_SIMULATOR, near: FoundAmplitude | None = None
 ) -> FoundAmplitude:
     """What :func:`find_amplitude` finds, which raises the same.
 
@@ -228,7 +232,7 @@ def _search(
 
 def _seek(target: float, near: FoundAmplitude | None) -> Generator[float, float, FoundAmplitude | None]:
     """Amplitudes to try, each of which is sent the acceleration that it reaches; None where none reaches the target."""
-    (amplitude, growth), tried = near or FAR, None
+    (amplitude, growth), tried = near or FAR_START_AMPLITUDE, None
     for _ in range(10):
         reached = yield amplitude
         if not reached / target > 0.0:
@@ -283,7 +287,7 @@ def run(
     u: Array,
     straight: Array | None = None,
     substeps: int = 1,
-    simulator: Simulator = OWN,
+    simulator: Simulator = OWN_SIMULATOR,
 ) -> Array:
     """Channels (T, C) of a plant with inputs (T, I) that starts running straight, at ``substeps`` steps in a sample.
 
@@ -299,7 +303,7 @@ def run_beside(
     u: Array,
     straight: Sequence[Array],
     substeps: int = 1,
-    simulator: Simulator = OWN,
+    simulator: Simulator = OWN_SIMULATOR,
 ) -> Array:
     """:func:`run` of up to :data:`BESIDE` plants, to the bit: channels (N, T, C) with inputs (N, T, I).
 
@@ -316,13 +320,15 @@ def run_beside(
             hands = ((x[column.HANDWHEEL_ANGLE], x[column.HANDWHEEL_SPEED]) for x in states)
             rows = np.array([_regrip(row, *hand) for row, hand in zip(rows, hands)])
         driven = [p._replace(robot=0.0) if free else p for p in plants]
-        if not (simulator is OWN and substeps == 1 and OWN.run_beside(driven, states, rows, part)):
+        if not (simulator is OWN_SIMULATOR and substeps == 1 and OWN_SIMULATOR.run_beside(driven, states, rows, part)):
             for each in zip(driven, states, rows, part):
                 simulator.run(*each, substeps)
     return records
 
 
-def run_closed(car: Car, p: plant.Plant, manoeuvre: Manoeuvre, substeps: int = 1, simulator: Simulator = OWN) -> Array:
+def run_closed(
+    car: Car, p: plant.Plant, manoeuvre: Manoeuvre, substeps: int = 1, simulator: Simulator = OWN_SIMULATOR
+) -> Array:
     """Channels (T, C) of a plant that starts running straight, steered by the manoeuvre's driver.
 
     Between two calls of the driver the handwheel angle is a cubic with the given angle and speed at both ends; a hand
@@ -427,7 +433,11 @@ def _regrip(u: Array, angle: float, speed: float) -> Array:
 
 
 def drive(
-    car: Car, manoeuvre: Manoeuvre, friction: Any = None, simulator: Simulator = OWN, near: FoundAmplitude | None = None
+    car: Car,
+    manoeuvre: Manoeuvre,
+    friction: Any = None,
+    simulator: Simulator = OWN_SIMULATOR,
+    near: FoundAmplitude | None = None,
 ) -> Recording:
     """Drive a manoeuvre and record every channel at 1 kHz.
 
@@ -470,14 +480,16 @@ class OpenLoop(NamedTuple):
 
 
 def open_loop(
-    p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator = OWN, near: FoundAmplitude | None = None
+    p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator = OWN_SIMULATOR, near: FoundAmplitude | None = None
 ) -> OpenLoop:
     """The inputs of a manoeuvre; ValueError where no amplitude reaches its lateral acceleration."""
     return _sole(open_loops([(p, manoeuvre)], simulator, near))
 
 
 def open_loops(
-    cars: Sequence[tuple[plant.Plant, Manoeuvre]], simulator: Simulator = OWN, near: FoundAmplitude | None = None
+    cars: Sequence[tuple[plant.Plant, Manoeuvre]],
+    simulator: Simulator = OWN_SIMULATOR,
+    near: FoundAmplitude | None = None,
 ) -> list[OpenLoop | ValueError]:
     """:func:`open_loop` of up to :data:`BESIDE` cars in one test, or why there is none."""
     straight, m = [simulator.settled(p)[0] for p, _ in cars], cars[0][1]
@@ -500,7 +512,7 @@ def drive_plant(
     manoeuvre: Manoeuvre,
     prepared: OpenLoop | None = None,
     substeps: int = 1,
-    simulator: Simulator = OWN,
+    simulator: Simulator = OWN_SIMULATOR,
     near: FoundAmplitude | None = None,
 ) -> Recording:
     """:func:`drive` with a plant from :func:`build_plant`, whose parameters may have been changed.
@@ -533,7 +545,7 @@ def drive_plant(
             "vehicle": car.name,
             "chassis": manoeuvre.chassis,
             "tyre": car.tyre.name,
-            "friction": named(p.friction),
+            "friction": friction_name(p.friction),
             "friction_parameters": ",".join(
                 f"{'.'.join(each.path)}={_text(each.value)}" for each in leaves(p.friction)
             ),
@@ -541,7 +553,7 @@ def drive_plant(
             **steered,
             "frequency_hz": manoeuvre.frequency,
             **simulator.about(car),
-            **(_beyond_tyre(car, channels) if simulator is OWN else {}),
+            **(_beyond_tyre(car, channels) if simulator is OWN_SIMULATOR else {}),
             **manoeuvre.meta,
         },
     )
@@ -563,10 +575,10 @@ def _beyond_tyre(car: Car, channels: dict[str, Array]) -> dict[str, list[dict[st
 def _by_channel(record: Array) -> dict[int, Array]:
     """Channels (T,) of a record (T, C) by their positions, read-only, so that a recording does not copy them again."""
     found = {i: np.empty(len(record)) for i in _recorded_channels(record)}
-    for start in range(0, len(record), BLOCK):  # which stays in the cache of the processor until all have read it
-        rows = record[start : start + BLOCK]
+    for start in range(0, len(record), BLOCK_ROWS):  # which stays in the cache of the processor until all have read it
+        rows = record[start : start + BLOCK_ROWS]
         for i, values in found.items():
-            values[start : start + BLOCK] = rows[:, i]
+            values[start : start + BLOCK_ROWS] = rows[:, i]
     for values in found.values():
         values.flags.writeable = False
     return found
@@ -584,12 +596,12 @@ def _simulate(
     """Channels (T, C) of a manoeuvre, what the meta says of its hands, and advice for a car that spins."""
     if course is None:
         record, advice = run_closed(car, p, manoeuvre, substeps, simulator), "ask for less speed"
-        if simulator is OWN and not np.isfinite(record[-1]).all():
+        if simulator is OWN_SIMULATOR and not np.isfinite(record[-1]).all():
             raise LostControlError(f"{manoeuvre.name} diverged: {advice}")
         return record, {f"vehicle_{key}_m": value for key, value in footprint(car)._asdict().items()}, advice
     amplitude, u, straight, driven = course
     record = run(p, manoeuvre, u, straight, substeps, simulator) if driven is None else driven
-    if simulator is OWN and not np.isfinite(record[-1]).all():
+    if simulator is OWN_SIMULATOR and not np.isfinite(record[-1]).all():
         raise ValueError(f"{manoeuvre.name} diverged: {plant.first_non_finite(p, straight, u)} first")
     steered = {"amplitude_rad" if manoeuvre.robot else "amplitude_nm": amplitude}
     return record, steered, f"ask for less than {amplitude:g}, or for less speed"

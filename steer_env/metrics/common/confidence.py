@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-LEVEL = 0.95
+CONFIDENCE_LEVEL = 0.95
 RESAMPLES = 1999
 FEWEST = 16  # repeats for a bootstrap interval; assumed
 
@@ -36,7 +36,7 @@ def interval(values: NDArray[np.float64]) -> tuple[float, float]:
     error = float(values.std(ddof=1)) / np.sqrt(n)
     if error <= 1e-12 * abs(mean):  # the repeats of a simulation are equal
         return mean, mean
-    reach = float(special.stdtrit(n - 1, 0.5 + 0.5 * LEVEL))  # quantile of t
+    reach = float(special.stdtrit(n - 1, 0.5 + 0.5 * CONFIDENCE_LEVEL))  # quantile of t
     if n < FEWEST:
         return mean - reach * error, mean + reach * error
     level = 1 - 2 * special.ndtr(-np.sqrt(n / (n - 1)) * reach)
@@ -57,7 +57,7 @@ def difference(a: NDArray[np.float64], b: NDArray[np.float64]) -> tuple[float, f
     # scipy's ttest_ind gives the same, and warns where the repeats of one of both are nearly equal.
     squares = np.array([x.var(ddof=1) / x.size for x in (a, b)])
     freedom = squares.sum() ** 2 / (squares**2 / (np.array([a.size, b.size]) - 1)).sum()
-    reach = float(special.stdtrit(freedom, 0.5 + 0.5 * LEVEL) * np.sqrt(squares.sum()))
+    reach = float(special.stdtrit(freedom, 0.5 + 0.5 * CONFIDENCE_LEVEL) * np.sqrt(squares.sum()))
     return gap, gap - reach, gap + reach
 
 
@@ -67,4 +67,4 @@ def trend(x: NDArray[Any], y: NDArray[np.float64]) -> tuple[float, bool]:
     slope = float(u @ v / (u @ u))
     left = v - slope * u
     error = np.sqrt(left @ left / (x.size - 2) / (u @ u))
-    return slope, bool(abs(slope) > special.stdtrit(x.size - 2, 0.5 + 0.5 * LEVEL) * error)
+    return slope, bool(abs(slope) > special.stdtrit(x.size - 2, 0.5 + 0.5 * CONFIDENCE_LEVEL) * error)

@@ -21,12 +21,12 @@ from steer_env.metrics.common.noise import in_band
 from steer_env.recording.recording import DEGREE, Recording
 
 CUTOFF = 10.0  # low-pass; a gust builds up within 0.15 s [Hz]
-BEFORE = 1.0  # time before a gust that counts as straight running [s]
-AFTER = 2.0  # time from the start of a gust at which deviation and course angle are read [s]
+BEFORE_GUST_TIME = 1.0  # time before a gust that counts as straight running [s]
+DEVIATION_TIME = 2.0  # time from the start of a gust at which deviation and course angle are read [s]
 WINDOW = 3.0  # time from the start of a gust in which peaks are searched; assumed [s]
 SEGMENT = 10.0  # length of a segment of random wind, which is one repeat; assumed [s]
 LOGGER = 1.5  # largest delay of the channels from the logger's anti-aliasing filter; assumed [samples]
-CLEAR = 5.0  # a peak must exceed this many standard deviations of the channel before the gust; assumed [1]
+PEAK_DEVIATIONS = 5.0  # a peak must exceed this many standard deviations of the channel before the gust; assumed [1]
 TURNED = 3.0 * DEGREE  # largest deviation of a handwheel that is held; assumed [rad]
 
 
@@ -46,9 +46,9 @@ class Crosswind:
     def _gust_starts(self, conditions: Mapping[str, Any]) -> np.ndarray:
         """Start of each gust [s]; refused where the recording does not contain them."""
         start = conditions["gust_start_s"] + conditions["gust_interval_s"] * np.arange(int(conditions["gust_count"]))
-        if start.size == 0 or start[0] - BEFORE < self.time[0] - 0.05 or self.time[-1] < start[-1] + WINDOW:
+        if start.size == 0 or start[0] - BEFORE_GUST_TIME < self.time[0] - 0.05 or self.time[-1] < start[-1] + WINDOW:
             raise RefusedError(
-                f"the gusts need {BEFORE:g} s before and {WINDOW:g} s after each start; time runs from "
+                f"the gusts need {BEFORE_GUST_TIME:g} s before and {WINDOW:g} s after each start; time runs from "
                 f"{self.time[0]:g} to {self.time[-1]:g} s: check gust_start_s, gust_interval_s and gust_count"
             )
         return start
@@ -70,9 +70,9 @@ class Crosswind:
         found = []
         for start in self.start:
             t = self.time - start
-            now, before = (t >= 0) & (t <= WINDOW), (t >= -BEFORE) & (t < -0.1)  # the low-pass blurs 0.1 s
+            now, before = (t >= 0) & (t <= WINDOW), (t >= -BEFORE_GUST_TIME) & (t < -0.1)  # the low-pass blurs 0.1 s
             y = self.smooth[name] - self.smooth[name][before].mean()
-            if np.abs(y[now]).max() < CLEAR * y[before].std():
+            if np.abs(y[now]).max() < PEAK_DEVIATIONS * y[before].std():
                 raise RefusedError(f"{name} does not stand out of its noise before the gust: drive in more wind")
             found.append((t[now], y[now]))
         return found
@@ -100,7 +100,7 @@ class Crosswind:
 
         The bounds come from the delay of a logger: the start of the gust is known only within that delay.
         """
-        instants = AFTER + LOGGER / self.smooth.recording.rate * np.array([0.0, -1.0, 1.0])
+        instants = DEVIATION_TIME + LOGGER / self.smooth.recording.rate * np.array([0.0, -1.0, 1.0])
         ends = []
         for side, (t, y) in zip(self.side, self._sections(AY)):
             speed = cumulative_trapezoid(side * y, t, initial=0.0)

@@ -28,8 +28,8 @@ UNITS |= {"ms": 1e3, "g": 1 / G, "N m/g": G, "deg": 1 / DEGREE, "deg/s": 1 / DEG
 UNITS |= {"deg s": 1 / DEGREE, "1/min": 60.0}
 UNITS |= {"N m/deg": DEGREE, "g/100 deg": 100 * DEGREE / G, "g/(100 N m deg)": 100 * DEGREE / G, "%": 100.0}
 
-_SHOWN = ("handwheel_angle", "handwheel_torque", "yaw_rate", "lateral_acceleration")
-HISTORIES = tuple(("time", name) for name in _SHOWN)
+_HISTORY_CHANNELS = ("handwheel_angle", "handwheel_torque", "yaw_rate", "lateral_acceleration")
+HISTORIES = tuple(("time", name) for name in _HISTORY_CHANNELS)
 SPEED_SPREAD = 0.03  # largest deviation of the mean speed from the required speed, as a fraction of it [1]
 
 

@@ -47,9 +47,10 @@ from steer_env.recording.table import TIMING
 from steer_env.vehicle.tyre import BEYOND_TYRE, Beyond
 
 # i l [m], least and largest, and the lowest characteristic speed [m/s] of passenger cars; assumed.
-QUICK, SLOW, LOWEST_CHARACTERISTIC = 8.0 * 2.2, 25.0 * 3.6, 15.0
-BEYOND = 2.0  # factor on the bounds for what is not steady; assumed [1]
-APART = 4.0  # factor between lateral acceleration and speed times yaw rate that a test may reach; assumed [1]
+LEAST_RATIO_TIMES_WHEELBASE, LARGEST_RATIO_TIMES_WHEELBASE, LOWEST_CHARACTERISTIC = 8.0 * 2.2, 25.0 * 3.6, 15.0
+UNSTEADY_FACTOR = 2.0  # factor on the bounds for what is not steady; assumed [1]
+# Factor between lateral acceleration and speed times yaw rate that a test may reach; assumed [1]
+ACCELERATION_FACTOR = 4.0
 LEAST_SPEED = 5.0  # at which the motion tells enough; assumed [m/s]
 # Torsion bar, above any of passenger cars, and the friction of the column above it; assumed [N m/rad], [N m].
 STIFFEST, COLUMN_FRICTION = 2.5 / DEGREE, 0.5
@@ -68,7 +69,7 @@ def check(recording: Recording, speed: float | None) -> None:
     """
     angle, torque, yaw, ay = (_size(recording, name) for name in (ANGLE, TORQUE, YAW, AY))
     _check_motion(recording, speed, angle, yaw, ay)
-    most = BEYOND * (STIFFEST * angle + COLUMN_FRICTION)
+    most = UNSTEADY_FACTOR * (STIFFEST * angle + COLUMN_FRICTION)
     if angle > 0.0 and most < torque <= PLAUSIBLE[TORQUE]:  # beyond that the torque is wrong
         raise RefusedError(
             f"{ANGLE} reaches {angle / DEGREE:.3g} deg, at which the torsion bar of any car twists with less than "
@@ -81,10 +82,13 @@ def _check_motion(recording: Recording, speed: float | None, angle: float, yaw: 
     v = abs(float(np.nanmean(recording[SPEED]))) if recording.units.get(SPEED) == "m/s" else speed
     if v is None or not v >= LEAST_SPEED or not angle > 0.0:
         return
-    low, high = v / (SLOW * (1.0 + (v / LOWEST_CHARACTERISTIC) ** 2)) / BEYOND, v / QUICK * BEYOND
+    low, high = (
+        v / (LARGEST_RATIO_TIMES_WHEELBASE * (1.0 + (v / LOWEST_CHARACTERISTIC) ** 2)) / UNSTEADY_FACTOR,
+        v / LEAST_RATIO_TIMES_WHEELBASE * UNSTEADY_FACTOR,
+    )
     gains = {name: turn / angle for name, turn in ((YAW, yaw), (AY, ay / v)) if turn > 0.0}  # [1/s]
     reach = f"{ANGLE} reaches {angle / DEGREE:.3g} deg"
-    if len(gains) == 2 and not 1.0 / APART <= gains[AY] / gains[YAW] <= APART:
+    if len(gains) == 2 and not 1.0 / ACCELERATION_FACTOR <= gains[AY] / gains[YAW] <= ACCELERATION_FACTOR:
         wrong = max(gains, key=lambda name: abs(np.log(gains[name] ** 2 / (low * high))))
         unit = {YAW: ("rad/s", "deg/s"), AY: ("g", "m/s2")}[wrong][int(gains[wrong] ** 2 > low * high)]
         text = f"{AY} is {gains[AY] / gains[YAW]:.3g} times speed and {YAW}, and about once in a car"
@@ -114,7 +118,7 @@ def _size(recording: Recording, name: str) -> float:
     return float(high - low) / 2.0
 
 
-SCALE = "torque_scale_error"  # key of the meta
+TORQUE_SCALE_KEY = "torque_scale_error"  # key of the meta
 ROUNDING = 1e-9  # changes of a value below this fraction of it are rounding errors [1]
 
 
@@ -163,7 +167,8 @@ def evaluate(
         For an unknown test or condition, a negative timing, or an error of the scale that is not from 0 to below 1.
     """
     scale = number(
-        "torque_scale_error", recording.meta.get(SCALE, 0.0) if torque_scale_error is None else torque_scale_error
+        "torque_scale_error",
+        recording.meta.get(TORQUE_SCALE_KEY, 0.0) if torque_scale_error is None else torque_scale_error,
     )
     if not 0.0 <= scale < 1.0:
         raise ValueError(f"torque_scale_error is {scale:g}; it is a fraction from 0 to below 1, 0.02 for 2 %")

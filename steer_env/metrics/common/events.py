@@ -15,7 +15,7 @@ TOP = 0.7  # fraction of a peak's height above its base from which on samples en
 FEWEST = 5  # samples that the fit of a peak needs; assumed
 
 
-def runs(mask: NDArray[np.bool_], gap: int = 0) -> list[tuple[int, int]]:
+def true_runs(mask: NDArray[np.bool_], gap: int = 0) -> list[tuple[int, int]]:
     """Runs ``[i, j)`` of samples where a mask (T,) is true; runs at most ``gap`` samples apart are joined."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
     joined: list[tuple[int, int]] = []

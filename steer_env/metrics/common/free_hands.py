@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.metrics.common.definitions import RefusedError
-from steer_env.metrics.common.events import integral, runs
+from steer_env.metrics.common.events import integral, true_runs
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE, FilteredChannels
 from steer_env.metrics.common.kept import anew, kept
 from steer_env.recording.recording import Recording
@@ -76,7 +76,7 @@ class Releases(Events):
         super().__init__(recording, free)
         size = np.abs(self.smooth[TORQUE])
         level = np.quantile(size, 0.95)
-        found = [self._fall(size, a) for a, b in runs(size < FREE * level) if self._let_go(size, a, b, level)]
+        found = [self._fall(size, a) for a, b in true_runs(size < FREE * level) if self._let_go(size, a, b, level)]
         if not found or level == 0:
             raise RefusedError(
                 f"{TORQUE} nowhere drops from a held value to zero for {free:g} s: hold a steady turn, let go at once, "
@@ -139,7 +139,7 @@ class Pulses(Events):
         size = np.abs(torque)
         level = size.max()
         start, side, begin = [], [], []
-        for a, b in runs(size > GRIP * level):
+        for a, b in true_runs(size > GRIP * level):
             width = time[b - 1] - time[a]
             after = (time > time[b - 1] + 0.5 * max(width, FALL)) & (time < time[b - 1] + free)
             before = (time > time[a] - max(width, FALL) - 0.5) & (time < time[a] - max(width, FALL))

@@ -51,16 +51,16 @@ def frequency_response_curve(recording: Recording, name: str, test: str | None =
     return entry.read(recording, conditions).curve(name)
 
 
-def _at(frequency: Array, values: Array, where: float) -> float:
+def _interpolate_at(frequency: Array, values: Array, where: float) -> float:
     return float(np.interp(where, frequency, values))
 
 
 def _gain(where: float | None, frequency: Array, response: Complex) -> float:
-    return _at(frequency, np.abs(response), frequency[0] if where is None else where)
+    return _interpolate_at(frequency, np.abs(response), frequency[0] if where is None else where)
 
 
 def _lag(where: float, frequency: Array, response: Complex) -> float:
-    return -_at(frequency, np.unwrap(np.angle(response)), where)
+    return -_interpolate_at(frequency, np.unwrap(np.angle(response)), where)
 
 
 def _bandwidth(frequency: Array, response: Complex) -> float:

@@ -23,9 +23,9 @@ ROUNDING = 1e-9  # by which a difference may miss the threshold and still reach 
 
 # Floor: smallest value for which the share holds, by unit of the metric: 5 N at a rim of 0.19 m (radius assumed), and
 # 3 deg, the smallest force and angle of the first experiment of the same paper.
-LEAST = {"N m": 1.0, "deg": 3.0}
+LEAST_STIMULUS = {"N m": 1.0, "deg": 3.0}
 
-TORQUE = SHARE * LEAST["N m"]  # smallest change of a sustained torque that is known to be noticed [N m]
+TORQUE = SHARE * LEAST_STIMULUS["N m"]  # smallest change of a sustained torque that is known to be noticed [N m]
 
 # Metrics that are a sustained torque or angle of the handwheel. Those of the slow weave, of slow sweeps and of the slow
 # transition change so slowly that they count as sustained (assumed).
@@ -81,9 +81,9 @@ def perception(name: str, base: float, gap: tuple[float, float, float], share: f
     value, low, high = gap
     small, large = sorted((abs(base), abs(base + value)))
     # A value that is missing, as that of a refused metric, is not a number and so not from the floor on.
-    if not applies(name) or not large >= LEAST[definition(name).unit]:
+    if not applies(name) or not large >= LEAST_STIMULUS[definition(name).unit]:
         return Perception(UNKNOWN)
-    threshold = (1.0 - ROUNDING) * share * max(small, LEAST[definition(name).unit])
+    threshold = (1.0 - ROUNDING) * share * max(small, LEAST_STIMULUS[definition(name).unit])
     noticed = abs(value) >= threshold
     if math.isnan(low) or math.isnan(high):
         return Perception(PERCEPTIBLE if noticed else IMPERCEPTIBLE)

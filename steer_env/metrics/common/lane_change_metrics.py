@@ -27,8 +27,8 @@ from steer_env.recording.recording import DEGREE, Recording
 
 RATE = "handwheel_speed"
 CUTOFF = 10.0  # low-pass [Hz]
-STEP = 0.001  # time step at which the place of the car is computed [s]
-BESIDE = 1.0  # distance ahead of the outline and behind it within which a cone is considered; assumed [m]
+PLACE_TIME_STEP = 0.001  # time step at which the place of the car is computed [s]
+CONE_NEIGHBOURHOOD = 1.0  # distance ahead of the outline and behind it within which a cone is considered; assumed [m]
 PEAK_WINDOW = 0.08  # half width of the fourth-order polynomial from which a peak is read; assumed [s]
 SPEED_WINDOW = 0.1  # half width of the window over which a speed is averaged; assumed [s]
 STRAIGHT = (-2.0, -1.0)  # section, relative to the first cones, in which a sensor's zero is read; assumed [s]
@@ -110,14 +110,14 @@ class Passes:
             raise RefusedError("no pass reaches the last cones: record until the car is behind them")
         return self._times
 
-    def _instants(self, step: float = STEP) -> list[Array]:
+    def _instants(self, step: float = PLACE_TIME_STEP) -> list[Array]:
         return [np.linspace(a, b, int(np.ceil((b - a) / step)) + 1) for a, b in self.times]
 
     @cached_property
     def _distances(self) -> list[tuple[Array, NDArray[np.int64]]]:
         """For each pass the distances of the outline from cones beside it [m] and the indices of these cones, (K,)."""
         cones, found = np.concatenate([self._course.left, self._course.right]), []
-        reach = 0.5 * self._car.length + abs(self._car.centre) + BESIDE
+        reach = 0.5 * self._car.length + abs(self._car.centre) + CONE_NEIGHBOURHOOD
         for pose in self._poses:
             instant, cone = np.nonzero(np.abs(pose[:, :1] - cones[:, 0]) <= reach)
             found.append((iso3888.cone_margins(cones[cone], self._car, *pose[instant].T), cone))
@@ -148,7 +148,7 @@ class Passes:
         position = max(in_band(self._smooth, name, CUTOFF) for name in ("x", "y"))
         noise = float(np.hypot(position, 0.5 * self._car.length * in_band(self._smooth, "yaw_angle", CUTOFF)))
         similar = np.mean([np.count_nonzero(d < d.min() + 4.0 * noise) for d, _ in self._distances])
-        return noise * float(stats.norm.isf(0.5 / max(2.0 * CUTOFF * STEP * float(similar), 1.0)))
+        return noise * float(stats.norm.isf(0.5 / max(2.0 * CUTOFF * PLACE_TIME_STEP * float(similar), 1.0)))
 
     def completed(self) -> Array:
         """1 (n,) for a pass that reaches the last cones with the outline's middle between the lanes' edges, else 0."""
@@ -250,14 +250,18 @@ def _crossing(time: Array, values: Array, k: int) -> float:
 
 
 TESTS = ("double-lane-change", "obstacle-avoidance")
-_PLACE: dict[str, Any] = dict.fromkeys(NEEDED) | {"entry_yaw_rad": 0.0, "mirrored": False, "vehicle_centre_m": 0.0}
+_COURSE_PLACE: dict[str, Any] = dict.fromkeys(NEEDED) | {
+    "entry_yaw_rad": 0.0,
+    "mirrored": False,
+    "vehicle_centre_m": 0.0,
+}
 PLOTS = (("x", "y"), ("time", ANGLE), ("time", TORQUE), ("time", AY))
 
 
 def register_lane_change(name: str, **conditions: Any) -> None:
     """Register a lane change whose course has the test's name, with conditions besides the place of the course."""
     read = partial(Passes, name=name)
-    register_evaluation(name, read, constant_speed=False, plots=PLOTS, **conditions, **_PLACE)
+    register_evaluation(name, read, constant_speed=False, plots=PLOTS, **conditions, **_COURSE_PLACE)
 
 
 SOURCE = "after ISO 3888-1 and ISO 3888-2"

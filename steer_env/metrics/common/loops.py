@@ -29,7 +29,7 @@ from steer_env.metrics.common.confidence import trend
 from steer_env.metrics.common.definitions import SPEED_SPREAD, Doubt, RefusedError
 from steer_env.metrics.common.filtered_channels import ANGLE, AY, CHANNELS, SPEED, TORQUE, YAW, FilteredChannels
 from steer_env.metrics.common.kept import anew, kept
-from steer_env.metrics.common.straight import STANDING, TOLD, told
+from steer_env.metrics.common.straight import NOTED_ZEROS, STANDING, describe_zeros
 from steer_env.recording.recording import DEGREE, Recording
 from steer_env.vehicle.constants import GRAVITY as G
 
@@ -107,7 +107,7 @@ class Loops:
     @kept
     def zero(self, name: str) -> float:
         """Reading of a channel where the car goes straight; 0 where the recording does not tell."""
-        if not self._motion or name not in TOLD:
+        if not self._motion or name not in NOTED_ZEROS:
             return 0.0
         if name in self._motion:
             bend = self._bend * (self._speed if name == AY else 1.0)
@@ -158,12 +158,12 @@ class Loops:
     def notes(self) -> list[str]:
         """What was found out about the sensors, in sentences."""
         zeros = {}
-        for name in TOLD:
+        for name in NOTED_ZEROS:
             try:
                 zeros[name] = self.zero(name) if name in self._smooth else 0.0
             except RefusedError:  # the metrics of that channel are refused with this reason
                 continue
-        found = told(zeros, "where the car goes straight")
+        found = describe_zeros(zeros, "where the car goes straight")
         for doubt in self.doubts():
             found.append(f"the intervals allow for {doubt.about}: {doubt.remedy}")
         return found

@@ -28,7 +28,7 @@ def find(time: Array, values: Array, part: float = 0.5) -> list[Ramp]:
     size = np.abs(values).max()
     found = []
     for side in (1.0, -1.0):
-        for i, j in events.runs(side * values > 0.05 * size, gap=second // 4):
+        for i, j in events.true_runs(side * values > 0.05 * size, gap=second // 4):
             if j - i < second or (side * values[i:j]).max() < part * size:
                 continue
             mean = running_mean(side * values[i:j], second)
@@ -44,7 +44,7 @@ def running_mean(values: Array, count: int) -> Array:
     return (total[count:] - total[:-count]) / count
 
 
-def within(values: Array, low: float, high: float) -> slice | None:
+def rising_section(values: Array, low: float, high: float) -> slice | None:
     """Samples from where a rising channel (T,) first reaches ``low`` to where it first reaches ``high``.
 
     None if it does not reach ``high``, or reaches it less than eight samples after ``low``.

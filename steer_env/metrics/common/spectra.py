@@ -240,7 +240,7 @@ def sweeps(time: Array, angle: Array) -> list[slice]:
     each = time[1] - time[0]
     middle = float(np.median(angle))
     steered = np.abs(angle - middle) > 0.05 * np.abs(angle - middle).max()
-    found = [(i, j) for i, j in events.runs(steered, gap=round(1.0 / each)) if (j - i) * each > 10.0]
+    found = [(i, j) for i, j in events.true_runs(steered, gap=round(1.0 / each)) if (j - i) * each > 10.0]
     ends = [i for i, _ in found[1:]] + [angle.size + round(STILL / each)]
     before = round(STILL / each)
     return [slice(max(i - before, 0), min(j + round(2.0 / each), end - before)) for (i, j), end in zip(found, ends)]

@@ -51,7 +51,7 @@ class Circles:
         """
         found = []
         for ramp in self.ramps:
-            part = ramps.within(ramp.side * self._smooth[AY][ramp.start : ramp.end], *level)
+            part = ramps.rising_section(ramp.side * self._smooth[AY][ramp.start : ramp.end], *level)
             if part is not None:
                 found.append((ramp, slice(ramp.start + part.start, ramp.start + part.stop)))
         if not found or len(found) < len(self.ramps):

@@ -13,12 +13,12 @@ from steer_env.metrics.common.filtered_channels import ANGLE, AY, CHANNELS, SPEE
 from steer_env.recording.recording import DEGREE, Recording
 
 # Readings at zero from which on they are told, with the unit of the note; assumed, about what good sensors resolve.
-TOLD = {ANGLE: (0.2, "deg"), TORQUE: (0.05, "N m"), AY: (0.05, "m/s2"), YAW: (0.1, "deg/s")}
+NOTED_ZEROS = {ANGLE: (0.2, "deg"), TORQUE: (0.05, "N m"), AY: (0.05, "m/s2"), YAW: (0.1, "deg/s")}
 STANDING = 1.0  # speed up to which a car stands, on a rig; assumed [m/s]
 CUTOFF = 10.0  # low-pass of the angle; a quarter of the sampling rate where that is lower [Hz]
 SHORTEST, LONGEST = 0.5, 1.0  # of the part that is read; assumed [s]
 STILL = 0.3 * DEGREE  # by how much the handwheel angle may change in it; assumed [rad]
-CLEAR = 0.2  # between that part and the place where the angle has changed by more; assumed [s]
+CLEARANCE_TIME = 0.2  # between that part and the place where the angle has changed by more; assumed [s]
 STRAIGHT = 0.5 * DEGREE  # mean yaw rate up to which the car goes straight, and the rest is an offset; assumed [rad/s]
 
 
@@ -33,16 +33,16 @@ def zeros(recording: Recording) -> dict[str, float]:
     time = recording.time - recording.time[0]
     angle = FilteredChannels(recording, min(CUTOFF, recording.rate / 4))[ANGLE]
     moved = time[np.abs(angle - angle[time <= SHORTEST].mean()) > STILL]
-    end = min(moved[0] - CLEAR if moved.size else time[-1], LONGEST)
+    end = min(moved[0] - CLEARANCE_TIME if moved.size else time[-1], LONGEST)
     if end < SHORTEST:
         raise RefusedError(
-            f"{ANGLE} does not rest for {SHORTEST + CLEAR:g} s at the start: record {LONGEST + CLEAR:g} s of straight "
-            "running before the first input"
+            f"{ANGLE} does not rest for {SHORTEST + CLEARANCE_TIME:g} s at the start: record "
+            f"{LONGEST + CLEARANCE_TIME:g} s of straight running before the first input"
         )
     rest = time <= end
     means = {
         name: float(recording[name][rest].mean())
-        for name in (*TOLD, SPEED)
+        for name in (*NOTED_ZEROS, SPEED)
         if recording.units.get(name) == CHANNELS[name]
     }
     speed = means.pop(SPEED, np.inf)
@@ -55,11 +55,11 @@ def zeros(recording: Recording) -> dict[str, float]:
     return means
 
 
-def told(zeros: dict[str, float], where: str) -> list[str]:
+def describe_zeros(zeros: dict[str, float], where: str) -> list[str]:
     """Sentences about the zeros of sensors that are large enough to be told; ``where`` they were read."""
     found = []
     for name, value in zeros.items():
-        least, unit = TOLD[name]
+        least, unit = NOTED_ZEROS[name]
         if abs(value) * UNITS[unit] > least:
             found.append(
                 f"{name} reads {value * UNITS[unit]:.3g} {unit} {where}, which is subtracted; a mapping may hold the "
@@ -71,6 +71,6 @@ def told(zeros: dict[str, float], where: str) -> list[str]:
 def notes(recording: Recording) -> list[str]:
     """What is told of the zeros before the first input, or why none are known."""
     try:
-        return told(zeros(recording), "before the first input, where the car goes straight")
+        return describe_zeros(zeros(recording), "before the first input, where the car goes straight")
     except RefusedError as error:
         return [f"no zeros of the sensors are known: {error}"]

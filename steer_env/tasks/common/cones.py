@@ -43,7 +43,7 @@ Array = NDArray[np.float64]
 
 COURSE_HALF_WIDTH = 4.0  # lateral offset from the path that ends an episode: nothing is learnt beyond it [m]
 TIME_RATIO = 1.5  # time for a run over the time that the course takes at the held speed [1]
-BEHIND, BEYOND = 20.0, 80.0  # length of the path before the start and after the end [m]
+PATH_BEFORE_START, PATH_AFTER_END = 20.0, 80.0  # length of the path before the start and after the end [m]
 MAX_CONES = 64  # a course has fewer
 # Lateral offset at which a driver's quality is 71 %, and that of an assist, whose driver follows the path; assumed [m].
 DRIVER_OFFSET, ASSIST_OFFSET = 0.3, 0.1
@@ -76,8 +76,8 @@ def course(manoeuvre: str, size: iso3888.Footprint) -> tuple[Array, Array, float
     end = APPROACH + lanes.length + RUN_OUT
     # The straights at both ends are given by their ends alone.
     middle = whole[1:-1]
-    before = np.arange(-BEHIND, middle[0, 0] - 0.5)
-    after = np.arange(middle[-1, 0] + 1.0, end + BEYOND)
+    before = np.arange(-PATH_BEFORE_START, middle[0, 0] - 0.5)
+    after = np.arange(middle[-1, 0] + 1.0, end + PATH_AFTER_END)
     points = np.concatenate(
         [
             np.column_stack([before, np.full(before.size, middle[0, 1])]),
@@ -85,7 +85,7 @@ def course(manoeuvre: str, size: iso3888.Footprint) -> tuple[Array, Array, float
             np.column_stack([after, np.full(after.size, middle[-1, 1])]),
         ]
     )
-    return path.through(points), np.concatenate([lanes.left, lanes.right]) + np.array([APPROACH, 0.0]), end
+    return path.path_through_points(points), np.concatenate([lanes.left, lanes.right]) + np.array([APPROACH, 0.0]), end
 
 
 def setup_drawer(name: str, manoeuvre: str, coasts: bool = False) -> DrawSetup:
@@ -131,7 +131,7 @@ def newly_touched(channels, data, memory):
 
 
 @kernel
-def outcome_of(parameters, channels, observations, data):
+def course_outcome(parameters, channels, observations, data):
     """Whether the car has left the course or reached its end."""
     if has_departed(observations, parameters.half_width):
         return DEPARTED
@@ -147,7 +147,7 @@ def _evaluate(parameters, channels, observations, data, scale, step, memory, rew
     progress = evaluate_following(channels, observations, scale, step, memory, rewards, costs, metrics)
     touched = newly_touched(channels, data, memory)
     metrics.cones_hit = touched
-    return progress, touched, outcome_of(parameters, channels, observations, data)
+    return progress, touched, course_outcome(parameters, channels, observations, data)
 
 
 @kernel

@@ -142,8 +142,8 @@ def test_parking_and_a_change_of_speed_that_a_manoeuvre_asks_for(standing):
 def test_report_of_the_chassis_is_that_of_the_whole_car(unit, tmp_path):
     scope = Scope(tests={"weave": {}}, vehicle=False, widths=(), steps=(1e-3,), speeds_kph=(0.0,))
     laws = {"lugre": make("lugre")}
-    whole = report.build(tmp_path / "whole", laws, scope).drives["weave"]["lugre"].values
-    report.build(tmp_path / "divided", laws, scope._replace(chassis=str(unit)))
+    whole = report.build_report(tmp_path / "whole", laws, scope).drives["weave"]["lugre"].values
+    report.build_report(tmp_path / "divided", laws, scope._replace(chassis=str(unit)))
     divided = json.loads((tmp_path / "divided" / "metrics.json").read_text())
     for name, value in whole.items():
         assert divided["metrics"]["lugre"][name]["value"] == pytest.approx(value.value, rel=2e-6)

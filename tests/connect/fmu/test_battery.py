@@ -38,7 +38,7 @@ int32_t shown(int32_t *finite, void **unused, const double *numbers, const doubl
 
 def advance_of(p, folder):
     """The hidden function ``steer_advance`` for plants of this structure, and the sizes of its arrays."""
-    state, channels = plant.size_of(p), len(plant.channels(p))
+    state, channels = plant.state_size(p), len(plant.channels(p))
     sizes = state, len(plant.INPUTS) + 1, len(plant.INPUTS), channels
     key = (repr([(leaf.path, np.shape(leaf.value)) for leaf in packing.leaves(p)]), type(p.friction), type(p.chassis))
     if key not in _made:

@@ -522,7 +522,7 @@ def test_help_names_what_there_is():
     assert options.SUBSYSTEMS == subsystems.SUBSYSTEMS
     assert export_fmu.VERSIONS == exporter.VERSIONS
     assert export_fmu.PLATFORMS == (*object_code.PLATFORMS, object_code.SOURCE)
-    assert export_fmu.PROCESSORS == object_code.NAMES
+    assert export_fmu.PROCESSORS == object_code.PROCESSOR_NAMES
     assert sys.byteorder == "little"  # of every platform that units are made for
 
 

@@ -9,7 +9,7 @@ from fmpy import validation
 from steer_env.connect import fmu
 from steer_env.vehicle import cars, plant, road
 from steer_env.vehicle.chassis import two_track
-from steer_env.vehicle.layout import layout_of
+from steer_env.vehicle.layout import plant_layout
 from steer_env.vehicle.subsystems.car import NAMED
 from tests.connect.fmu.runs import begin, bits, opened, replay
 
@@ -29,7 +29,7 @@ def undivided(p):
     u[:, 2] = 0.5 * np.sin(9.0 * t)
     u[:, 3] = 200.0 * np.sin(2.0 * t)
     u[:, 8] = np.where((t > 1.0) & (t < 2.0), 0.1, 0.0)
-    state, at = plant.initial_state(p), layout_of(p)
+    state, at = plant.initial_state(p), plant_layout(p)
     record, force, speed = np.zeros((SAMPLES, len(plant.channels(p)))), np.zeros(SAMPLES), np.zeros(SAMPLES)
     for i in range(SAMPLES):
         s = (state[at.steps] + 0.5) / plant.STEPS_PER_CHASSIS_STEP
@@ -102,7 +102,7 @@ def test_the_road_under_each_wheel_is_that_of_the_plant_in_python(tmp_path):
     """A slippery left side on which the car also starts, and a bump whose heights the importer gives: to the bit."""
     ground, level = road.bump(0.04, 1.0, 12.0, friction=(0.4, 0.9)), road.make_road(friction=(0.4, 0.9))
     p, before = (cars.load("compact").plant("lugre", 20.0, chassis="two_track", road=r) for r in (ground, level))
-    names, at = [name for name, _ in plant.channels(p)], layout_of(p)
+    names, at = [name for name, _ in plant.channels(p)], plant_layout(p)
     u = np.zeros((1000, len(plant.INPUTS)))
     u[:, plant.HAND] = 2.0
     state, row = plant.settled(before)  # which would drive over the bump
@@ -111,7 +111,9 @@ def test_the_road_under_each_wheel_is_that_of_the_plant_in_python(tmp_path):
         plant.run(p, state, u[i : i + 1], record[i : i + 1], 1)
         distance = state[at.chassis + two_track.DISTANCE]
         a, b = float(p.chassis.body[0].a), float(p.chassis.body[0].b)
-        under = [road.height(ground, side, distance + x) for x in (a, -b) for side in (road.LEFT, road.RIGHT)]
+        under = [
+            road.height(ground, side, distance + x) for x in (a, -b) for side in (road.LEFT_TRACK, road.RIGHT_TRACK)
+        ]
         given[i] = [*(z for z, _ in under), *(slope for _, slope in under)]
     path = fmu.export(tmp_path / "car.fmu", friction="lugre", chassis="two_track", speed=20.0, cpu="native")
     inputs = [f"road_{what}_{wheel}" for what in ("height", "slope") for wheel in two_track.WHEELS]

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from steer_env.connect.udp.packets import KINDS, layout_of, packed, unpacked
-from steer_env.connect.udp.session import COUNTS, NOTHING, REFUSAL, link_of, respond
-from steer_env.live.real_time.model import model_of
+from steer_env.connect.udp.packets import PACKET_KINDS, layout_of, packed, unpacked
+from steer_env.connect.udp.session import COUNTS, NOTHING, REFUSAL, make_session_memory, respond
+from steer_env.live.real_time.model import make_model
 from steer_env.vehicle import cars, subsystems
 from steer_env.vehicle.subsystems.machine_code import tunable
 
@@ -16,11 +16,11 @@ class Direct:
         speed = 20.0
         self.subsystem = subsystems.make(subsystem, cars.load("compact").plant(speed=speed, **options), speed)
         self.layout = layout_of(self.subsystem)
-        self.model, self.link = model_of(self.subsystem), link_of(self.layout, mode, silence=silence)
+        self.model, self.link = make_model(self.subsystem), make_session_memory(self.layout, mode, silence=silence)
         if tuned:
             made = tunable(self.subsystem)
-            self.model = model_of(self.subsystem._replace(parameters=made))
-            self.link = link_of(self.layout, mode, made.numbers[0])
+            self.model = make_model(self.subsystem._replace(parameters=made))
+            self.link = make_session_memory(self.layout, mode, made.numbers[0])
         self.inputs = np.array([signal.start for signal in self.subsystem.given])
 
     def send(self, packet, known=True, now=0):
@@ -37,7 +37,7 @@ class Direct:
         """The bytes of a request."""
         inputs = self.inputs if inputs is None else inputs
         known = {"layout": self.layout.fingerprint, "samples": 1, "session": session, "sequence": sequence}
-        return packed(inputs, kind=KINDS[kind], **{**known, **fields})
+        return packed(inputs, kind=PACKET_KINDS[kind], **{**known, **fields})
 
     def ask(self, kind, sequence, known=True, now=0, **fields):
         """The header of the answer to a request; None for nothing."""

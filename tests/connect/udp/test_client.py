@@ -10,10 +10,14 @@ import pytest
 
 from steer_env.connect.external import CouplingError, UdpVehicle
 from steer_env.connect.udp import Client, Stream
-from steer_env.connect.udp.packets import KINDS, LARGEST, MAGIC, packed, unpacked
+from steer_env.connect.udp.packets import LARGEST, MAGIC, PACKET_KINDS, packed, unpacked
 from tests.connect.udp import served
 
-ANSWERS = {KINDS["open"]: KINDS["opened"], KINDS["step"]: KINDS["stepped"], KINDS["close"]: KINDS["closed"]}
+ANSWERS = {
+    PACKET_KINDS["open"]: PACKET_KINDS["opened"],
+    PACKET_KINDS["step"]: PACKET_KINDS["stepped"],
+    PACKET_KINDS["close"]: PACKET_KINDS["closed"],
+}
 
 
 @cache
@@ -35,7 +39,7 @@ def answering(values=None, **changed):
                     return
                 asked = unpacked(packet)
                 fields = {key: asked[key] for key in ("session", "sequence", "layout")}
-                step = asked["kind"] == KINDS["step"]
+                step = asked["kind"] == PACKET_KINDS["step"]
                 fields |= {"kind": ANSWERS[asked["kind"]], "time": 1e-3 * step, **(changed if step else {})}
                 outputs = np.zeros(len(layout().outputs)) if values is None or not step else values
                 server.sendto(packed(outputs, **{"magic": MAGIC, **fields}), client)
@@ -56,9 +60,9 @@ def answering(values=None, **changed):
         ({"layout": 1}, "both ends need the same subsystem and the same version"),
         ({"version": 2}, "has version 2, .* this client expects version 1"),
         ({"values": [0.0]}, "and 88 bytes, but this client expects"),
-        ({"kind": KINDS["refused"], "values": [], "code": 99}, "for the reason 99, which this version"),
-        ({"kind": KINDS["refused"], "values": [], "code": 0}, "for the reason 0, which this version"),
-        ({"kind": KINDS["refused"], "values": [], "code": 10, "detail": 4000}, "an input is not finite"),
+        ({"kind": PACKET_KINDS["refused"], "values": [], "code": 99}, "for the reason 99, which this version"),
+        ({"kind": PACKET_KINDS["refused"], "values": [], "code": 0}, "for the reason 0, which this version"),
+        ({"kind": PACKET_KINDS["refused"], "values": [], "code": 10, "detail": 4000}, "an input is not finite"),
     ],
 )
 def test_answers_of_another_protocol_are_told(faults, message):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from steer_env.connect.udp import Server, Stream
-from steer_env.connect.udp.packets import KINDS, MODES, unpacked
+from steer_env.connect.udp.packets import MODES, PACKET_KINDS, unpacked
 from steer_env.connect.udp.session import NEVER, report
 from steer_env.live.real_time import Limits, haptics
 from steer_env.live.real_time.safety import SAFETY
@@ -38,7 +38,7 @@ def test_inputs_are_taken_in_order_and_counted(served):
     assert served.counts("lost", "late", "repeated", "steps") == {"lost": 2, "late": 1, "repeated": 1, "steps": 2}
     for value in (math.nan, 1e300):
         served.inputs[0] = value
-        assert served.ask("step", 5)["kind"] == KINDS["refused"]
+        assert served.ask("step", 5)["kind"] == PACKET_KINDS["refused"]
         assert served.model.wanted[0] == 2.0
 
 
@@ -51,10 +51,10 @@ def test_answers_follow_their_own_times(served):
     due = [report(served.model, served.link, memory, 1.5, now) for now in range(4)]
     assert due == [False, True, False, True]
     answer = unpacked(served.link.sent.tobytes())
-    assert answer["kind"] == KINDS["stepped"]
+    assert answer["kind"] == PACKET_KINDS["stepped"]
     assert (answer["sequence"], answer["echo"], answer["code"]) == (7, 99, 2)
     assert (answer["torque"], answer["gain"], answer["time"]) == (1.5, 0.5, pytest.approx(8e-3))
-    assert served.ask("close", 8)["kind"] == KINDS["closed"]
+    assert served.ask("close", 8)["kind"] == PACKET_KINDS["closed"]
     assert not report(served.model, served.link, memory, 1.5, 9)
 
 
@@ -62,7 +62,7 @@ def test_a_new_session_forgets_the_inputs(served):
     served.ask("step", 1)
     served.ask("close", 2)
     served.ask("open", 0, session=8, samples=20_000)
-    assert served.ask("open", 1, session=8)["kind"] == KINDS["opened"]  # the former was refused
+    assert served.ask("open", 1, session=8)["kind"] == PACKET_KINDS["opened"]  # the former was refused
     assert served.link.state[0].asked == NEVER
 
 

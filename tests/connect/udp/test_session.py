@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from steer_env.connect import udp as cosimulation
-from steer_env.connect.udp.packets import HEADER, HEADER_SIZE, KINDS, REASONS, checksum, packed, unpacked
+from steer_env.connect.udp.packets import HEADER, HEADER_SIZE, PACKET_KINDS, REASONS, checksum, packed, unpacked
 from steer_env.connect.udp.session import end_where_silent
-from steer_env.live.real_time.model import model_of
+from steer_env.live.real_time.model import make_model
 from steer_env.vehicle.subsystems import advance
 from tests.connect.udp.direct import Direct
 
@@ -26,14 +26,14 @@ REASON = {name: i for i, name in enumerate(REASONS, 1)}
 def served():
     """A server with an open session, number 7, whose last sequence number is 0."""
     direct = Direct()
-    assert direct.ask("open", 0)["kind"] == KINDS["opened"]
+    assert direct.ask("open", 0)["kind"] == PACKET_KINDS["opened"]
     return direct
 
 
 def refused(header, reason, detail=0):
     """Whether a header is of a refusal for this reason."""
     return header is not None and (header["kind"], header["code"], header["detail"]) == (
-        KINDS["refused"],
+        PACKET_KINDS["refused"],
         REASON[reason],
         detail,
     )
@@ -85,12 +85,12 @@ def test_a_parameter_that_is_tuned_is_that_of_another_plant():
     """A torsion bar that is stiffer from the first step on is a plant made with it; a new session has the old one."""
     stiff = Direct(friction="lugre")
     p = stiff.subsystem.parameters
-    stiff.model = model_of(stiff.subsystem._replace(parameters=p._replace(column=p.column._replace(K_tb=200.0))))
+    stiff.model = make_model(stiff.subsystem._replace(parameters=p._replace(column=p.column._replace(K_tb=200.0))))
     plain = Direct(friction="lugre")
     direct = Direct(friction="lugre", tuned=True)
     direct.ask("open", 0), stiff.ask("open", 0), plain.ask("open", 0)
     number, answer = tune(direct, 1, "column.K_tb", 200.0)
-    assert (answer["kind"], answer["samples"], answer["time"]) == (KINDS["tuned"], number, 0.0)
+    assert (answer["kind"], answer["samples"], answer["time"]) == (PACKET_KINDS["tuned"], number, 0.0)
     inputs = np.array([2.0, *direct.inputs[1:]])
 
     def rows(server, first, session=7):
@@ -100,7 +100,7 @@ def test_a_parameter_that_is_tuned_is_that_of_another_plant():
     found = rows(direct, 2)
     old = rows(plain, 1)
     assert found == rows(stiff, 1) != old
-    assert direct.ask("close", 302)["kind"] == KINDS["closed"]
+    assert direct.ask("close", 302)["kind"] == PACKET_KINDS["closed"]
     direct.ask("open", 0, session=8)
     assert rows(direct, 1, session=8) == old
 
@@ -115,7 +115,7 @@ def test_a_value_beyond_its_bound_is_not_taken(value):
     assert refused(direct.ask("tune", 1, samples=10_000), "parameter", 10_000)
     assert np.array_equal(direct.link.numbers, numbers)
     number, answer = tune(direct, 1, "level.asymmetry", -0.9)  # from here on its declared range
-    assert answer["kind"] == KINDS["tuned"]
+    assert answer["kind"] == PACKET_KINDS["tuned"]
     assert tune(direct, 1, "level.asymmetry", -0.9)[1] == answer  # the same request gets the same answer
     assert refused(tune(direct, 2, "level.asymmetry", -0.91)[1], "parameter", number)
     assert refused(tune(direct, 2, "level.asymmetry", 0.1, session=9)[1], "busy", 10)
@@ -146,29 +146,29 @@ def test_late_and_early_requests(served):
     assert served.send(first) is None
     assert refused(served.ask("step", 4), "sequence")
     assert np.array_equal(served.model.state, state)
-    assert served.ask("step", 3)["kind"] == KINDS["stepped"]
+    assert served.ask("step", 3)["kind"] == PACKET_KINDS["stepped"]
     assert served.counts("late", "refused", "steps") == {"late": 1, "refused": 1, "steps": 3}
 
 
 def test_sequence_numbers_wrap_around():
     direct = Direct()
     last = 2**32 - 1
-    assert direct.ask("open", last)["kind"] == KINDS["opened"]
-    assert direct.ask("step", 0)["kind"] == KINDS["stepped"]
+    assert direct.ask("open", last)["kind"] == PACKET_KINDS["opened"]
+    assert direct.ask("step", 0)["kind"] == PACKET_KINDS["stepped"]
     assert direct.ask("step", last) is None
-    assert direct.ask("step", 1)["kind"] == KINDS["stepped"]
+    assert direct.ask("step", 1)["kind"] == PACKET_KINDS["stepped"]
 
 
 def test_session_0_is_a_number_like_others():
     direct = Direct()
-    assert direct.ask("open", 0, session=0)["kind"] == KINDS["opened"]
-    assert direct.ask("close", 1, session=0)["kind"] == KINDS["closed"]
+    assert direct.ask("open", 0, session=0)["kind"] == PACKET_KINDS["opened"]
+    assert direct.ask("close", 1, session=0)["kind"] == PACKET_KINDS["closed"]
     assert refused(direct.ask("open", 2, session=0), "used")
 
 
 def test_a_close_that_is_ahead_is_refused(served):
     assert refused(served.ask("close", 50), "sequence")
-    assert served.ask("close", 1)["kind"] == KINDS["closed"]
+    assert served.ask("close", 1)["kind"] == PACKET_KINDS["closed"]
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e300, 201.0])
@@ -176,7 +176,7 @@ def test_an_input_that_makes_no_sense_is_named(served, value):
     inputs = served.inputs.copy()
     inputs[2] = value
     assert refused(served.ask("step", 1, inputs=inputs), "value", 2)
-    assert served.ask("step", 1)["kind"] == KINDS["stepped"]
+    assert served.ask("step", 1)["kind"] == PACKET_KINDS["stepped"]
 
 
 @pytest.mark.parametrize(("name", "value"), [("throttle_request", -0.01), ("coast", 1.5), ("brake_request", -1.0)])
@@ -188,7 +188,7 @@ def test_the_bounds_of_an_input_are_those_that_are_declared(name, value):
         inputs = direct.inputs.copy()
         inputs[place] = given
         answer = direct.ask("step", 1, inputs=inputs)
-        assert answer["kind"] == KINDS["stepped"] if expected else refused(answer, "value", place)
+        assert answer["kind"] == PACKET_KINDS["stepped"] if expected else refused(answer, "value", place)
 
 
 @pytest.mark.parametrize("samples", [0, 10_001, 2**32 - 1])
@@ -236,7 +236,7 @@ def test_packets_of_another_version_part_or_kind_are_refused(served):
     assert refused(served.ask("step", 1, inputs=[0.0]), "layout")
     answer = packed(served.inputs, kind=9, layout=served.layout.fingerprint, session=7, sequence=1)
     assert refused(unpacked(served.send(answer)), "kind")
-    assert served.ask("step", 1)["kind"] == KINDS["stepped"]
+    assert served.ask("step", 1)["kind"] == PACKET_KINDS["stepped"]
 
 
 def test_one_client_at_a_time(served):
@@ -246,11 +246,11 @@ def test_one_client_at_a_time(served):
     assert refused(served.ask("step", 1, known=False), "busy", 10)
     assert refused(served.ask("close", 1, session=8), "busy", 10)
     assert np.array_equal(served.model.state, state)
-    assert served.ask("step", 1)["kind"] == KINDS["stepped"]
-    assert served.ask("close", 2)["kind"] == KINDS["closed"]
+    assert served.ask("step", 1)["kind"] == PACKET_KINDS["stepped"]
+    assert served.ask("close", 2)["kind"] == PACKET_KINDS["closed"]
     assert refused(served.ask("step", 3), "no_session")
     assert refused(served.ask("open", 3), "used")
-    assert served.ask("open", 0, known=False, session=8)["kind"] == KINDS["opened"]
+    assert served.ask("open", 0, known=False, session=8)["kind"] == PACKET_KINDS["opened"]
 
 
 def test_every_session_begins_alike(served):
@@ -268,7 +268,7 @@ def test_busy_tells_after_how_many_seconds_the_session_of_a_dead_client_ends(ser
     for now, left in ((0.0, 10), (0.1, 10), (7.5, 3), (9.9, 1)):
         assert served.ask("open", 0, known=False, session=8, now=int(now * second))["detail"] == left
     assert not end_where_silent(served.link, int(9.9 * second) + left * second)
-    assert served.ask("open", 0, known=False, session=8, now=11 * second)["kind"] == KINDS["opened"]
+    assert served.ask("open", 0, known=False, session=8, now=11 * second)["kind"] == PACKET_KINDS["opened"]
 
 
 def test_a_silent_session_ends(served):

@@ -48,7 +48,7 @@ class Engine:
             "log",
             "staircase",
         ):
-            for file in sorted(writing.PAGE.glob(f"{name}.js")):
+            for file in sorted(writing.PAGE_FOLDER.glob(f"{name}.js")):
                 self._context.eval(file.read_text(encoding="utf-8"))
         car, which = cars.load("compact"), writing.Combination(law, body)
         own, begun = (parameters.plant(car, each, body, {}) for each in (law, module.BEGINNING))

@@ -46,7 +46,7 @@ def test_a_law_that_the_fields_refuse_or_do_not_give_has_no_address(law):
 def test_a_page_links_to_its_car_with_its_laws_and_sites(tmp_path, browser):
     car = cars.load("compact", {"column.K_tb": 143.0})
     laws = {**{label: friction.resolve(text) for label, text in LAWS.items()}, "two sites": SITES}
-    car_page.build(tmp_path / "car", car, beside=beside.Beside(car, laws, ("single_track",)))
+    car_page.write_car_page(tmp_path / "car", car, beside=beside.PageBeside(car, laws, ("single_track",)))
     html = (tmp_path / "car" / "index.html").read_text(encoding="utf-8")
     assert "Sliders do not give the parameters of far, finer." in Markup(html).striptags()
     own = {"friction.F_c": "1.2", "friction.sigma_1": "3", "column.K_tb": "143"}

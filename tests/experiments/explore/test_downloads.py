@@ -82,7 +82,7 @@ def test_the_lines_make_an_environment_of_the_car(downloads, monkeypatch):
 )
 def test_the_lines_have_the_friction_of_the_page(law, changed):
     car, context = cars.load("compact"), MiniRacer()
-    context.eval((writing.PAGE / "downloads.js").read_text(encoding="utf-8"))
+    context.eval((writing.PAGE_FOLDER / "downloads.js").read_text(encoding="utf-8"))
     given = [writing.declared(car, [writing.Combination(law, "single_track")])]
     given.append({"law": law, "chassis": "single_track", "values": changed})
     lines = context.eval(

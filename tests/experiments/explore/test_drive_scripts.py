@@ -6,10 +6,10 @@ import pytest
 from steer_env.experiments.explore import drive_page, parameters
 from steer_env.friction.numerics.packing import numbers
 from steer_env.live.drive.hands import WANTED_LAG
-from steer_env.live.drive.log import Log, columns_of, new_file
+from steer_env.live.drive.log import Log, new_file, recorded_columns
 from steer_env.live.real_time import CarConfiguration, CarConfigurations
-from steer_env.live.real_time.model import model_of, step
-from steer_env.live.real_time.recorder import OWN, Recorder
+from steer_env.live.real_time.model import make_model, step
+from steer_env.live.real_time.recorder import RECORD_HEAD, Recorder
 from steer_env.recording import driven, read
 from steer_env.vehicle import cars, plant, subsystems
 from tests.experiments.explore.cases import QUICK
@@ -51,7 +51,7 @@ def test_another_car_takes_over_as_in_the_native_drive(law, body):
             for k, values in enumerate(both)
         ]
     )
-    model, native = model_of(configurations), []
+    model, native = make_model(configurations), []
     for k, (angle, speed) in enumerate(angles):
         if k == SWITCHED:
             configurations.choose(1)
@@ -130,9 +130,9 @@ def test_a_recording_is_that_of_the_native_log(tmp_path):
     made = subsystems.make("car", parameters.plant(car, "lugre", "two_track", {}), 100.0 / 3.6)
     configurations = CarConfigurations([CarConfiguration("one", made)])
     recorder = Recorder(configurations.subsystem, 1.0)
-    columns = columns_of(configurations.subsystem, recorder)
+    columns = recorded_columns(configurations.subsystem, recorder)
     samples = np.random.default_rng(5).normal(size=(203, len(recorder.columns)))
-    samples[:, list(OWN).index("set")] = 0.0
+    samples[:, list(RECORD_HEAD).index("set")] = 0.0
     path, file = new_file(tmp_path, columns, {"manoeuvre": "weave", "speed_m_s": 27.5, "sets": [{"label": "a"}]})
     log = Log(columns, file)
     log.add(samples, 0)

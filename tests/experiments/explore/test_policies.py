@@ -103,7 +103,7 @@ def test_the_network_acts_as_in_python(env_id):
         weights=weights,
         seen=seen.tolist(),
     )
-    expected = network.load(path, policy.about(path))(seen)[:, 0]
+    expected = network.load(path, policy.read_description(path))(seen)[:, 0]
     assert np.ptp(expected) > 0.5
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-6)
 

@@ -30,7 +30,7 @@ ANSWER = """{
 DRIVEN = [
     (name, *pair)
     for pair in QUICK
-    for name in drives.SHOWN
+    for name in drives.SHOWN_MANOEUVRES
     if drives.made(name).speed or pair[1] == drives.made(name).chassis
 ]
 
@@ -49,7 +49,7 @@ def test_channels_are_those_of_the_native_plant(law, body):
         assert np.abs(np.array(found[name]) - values).max() <= 1e-10 * np.ptp(values), name
 
 
-@pytest.mark.parametrize("name", drives.SHOWN)
+@pytest.mark.parametrize("name", drives.SHOWN_MANOEUVRES)
 @pytest.mark.parametrize("course", ["whole", "moving"])
 def test_hands_move_as_those_of_python(name, course):
     made = drives.made(name, moving=course == "moving")
@@ -81,7 +81,8 @@ def test_modules_import_nothing(law, body):
 
 
 @pytest.mark.parametrize(
-    "name", ["weave", *(pytest.param(name, marks=pytest.mark.whole) for name in drives.SHOWN if name != "weave")]
+    "name",
+    ["weave", *(pytest.param(name, marks=pytest.mark.whole) for name in drives.SHOWN_MANOEUVRES if name != "weave")],
 )
 def test_metrics_of_a_changed_car_are_those_of_python(name):
     made = drives.made(name)
@@ -167,7 +168,7 @@ def test_an_unstable_assist_loop_is_told_in_the_words_of_python(free):
 
 def test_a_text_is_the_number_that_it_is_for_python():
     context = MiniRacer()
-    context.eval((writing.PAGE / "numbers.js").read_text(encoding="utf-8"))
+    context.eval((writing.PAGE_FOLDER / "numbers.js").read_text(encoding="utf-8"))
     texts = (
         "1",
         " 5 ",

@@ -6,8 +6,8 @@ from steer_env.live import devices
 from steer_env.live.devices import DeviceError
 from steer_env.live.real_time import Limits, Mailboxes
 from steer_env.live.real_time.angle_filter import BANDWIDTH
-from steer_env.live.real_time.loop import PERIOD, loop_of, tick
-from steer_env.live.real_time.model import model_of
+from steer_env.live.real_time.loop import PERIOD, make_loop_memory, tick
+from steer_env.live.real_time.model import make_model
 from steer_env.vehicle import cars, subsystems
 from tests.live.devices.stages import Clock
 
@@ -25,7 +25,7 @@ class Coupled:
         self.names = [signal.name for signal in self.part.given]
         self.mail = Mailboxes(self.part, angle_bandwidth=BANDWIDTH, clock=self.clock)
         self.limits = limits or Limits()
-        self.model, self.loop = model_of(self.part), loop_of(self.limits)
+        self.model, self.loop = make_model(self.part), make_loop_memory(self.limits)
         self.sentence = ""
         self.torques, self.motor, self.phases = [], [], []  # of the loop and of the wheel's motor, after each ms
         self._left = 0

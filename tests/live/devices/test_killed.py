@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from steer_env.live.devices.fake import Rim, WheelModel, hands_of
+from steer_env.live.devices.fake import Rim, WheelModel, make_hands
 from tests.live.devices.stages import DBC, TIMEOUT
 
 if sys.platform != "linux":
@@ -26,7 +26,7 @@ class Node:
 
     def __init__(self, channel):
         self.bus = can.Bus(interface="udp_multicast", channel=channel)
-        self.wheel = WheelModel(Rim(), hands_of("weave", 30.0, 0.5), 1e-3 * TIMEOUT, time.monotonic_ns())
+        self.wheel = WheelModel(Rim(), make_hands("weave", 30.0, 0.5), 1e-3 * TIMEOUT, time.monotonic_ns())
         self.times, self.motor, self.heard = [], [], 0  # clock [ns], torque that acts, time of the last torque frame
 
     def run(self, seconds, until=lambda: False):

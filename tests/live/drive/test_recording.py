@@ -9,7 +9,7 @@ import pytest
 
 from steer_env import manoeuvres, metrics
 from steer_env.live.drive.hands import car_configuration
-from steer_env.live.drive.log import Appended, Column, Log, columns_of, new_file
+from steer_env.live.drive.log import Appended, Column, Log, new_file, recorded_columns
 from steer_env.live.real_time import CarConfigurations, Limits, Mailboxes, RealTime
 from steer_env.live.real_time.angle_filter import BANDWIDTH
 from steer_env.live.real_time.loop import PERIOD, tick
@@ -35,7 +35,7 @@ def weave(folder, amplitude, seconds, chassis, bits=None):
     configurations = CarConfigurations([car_configuration("lugre", car, chassis=chassis)[0]])
     mail = Mailboxes(configurations, angle_bandwidth=BANDWIDTH)
     real_time = RealTime(configurations, mail.device, Limits())
-    columns = columns_of(configurations.subsystem, real_time.recorder)
+    columns = recorded_columns(configurations.subsystem, real_time.recorder)
     path, file = new_file(folder, columns, {"manoeuvre": "weave", "speed_m_s": 100.0 / 3.6})
     log = Log(columns, file)
     names = [signal.name for signal in configurations.subsystem.given]
@@ -83,7 +83,9 @@ def test_rows_are_means_and_the_speed_is_that_of_the_way(tmp_path):
 def columns():
     """Those of a drive of one configuration."""
     configurations = CarConfigurations([car_configuration("lugre", cars.load("compact"))[0]])
-    return columns_of(configurations.subsystem, RealTime(configurations, Mailboxes(configurations).device).recorder)
+    return recorded_columns(
+        configurations.subsystem, RealTime(configurations, Mailboxes(configurations).device).recorder
+    )
 
 
 def test_no_file_is_ever_overwritten(columns, tmp_path):

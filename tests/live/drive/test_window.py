@@ -7,7 +7,7 @@ import pytest
 
 from steer_env.live.drive import window
 from steer_env.live.drive.scene import COURSES, FIRST, Scene
-from steer_env.live.drive.shown import ConfigurationInfo, History, Shown
+from steer_env.live.drive.shown import ConfigurationInfo, DriveMoment, History
 from steer_env.live.drive.window import DIAL, HEALTH, HEIGHT, LOOP, ROAD, WIDTH, Window
 from steer_env.live.real_time.safety import PHASES
 from steer_env.rendering.panels import COLOURS, CONE, TOUCHED, WANTED, Pose
@@ -38,7 +38,7 @@ def moment(x=50.0, chosen=0, configurations=None, **more):
         "motor": True, "keyboard": False, "dead_man": False, "file": "drive-0001.csv", "device": "the fake wheel",
         "history": History(pose, angle, torque, configurations),
     }  # fmt: skip
-    return Shown(**{**usual, **more})
+    return DriveMoment(**{**usual, **more})
 
 
 def drawn(course="plain", **more):
@@ -68,7 +68,12 @@ def test_the_arcs_grow_at_once_and_shrink_behind_some_seconds():
     car = cars.load("compact")
     made = Window(Scene("plain", car), [car] * len(INFOS))
     shown = []
-    for time, torque in ((1.0, 40.0), (2.0, 1.0), (1.0 + window.KEPT - 0.1, 1.0), (1.0 + window.KEPT + 0.1, 1.0)):
+    for time, torque in (
+        (1.0, 40.0),
+        (2.0, 1.0),
+        (1.0 + window.PEAK_HOLD_TIME - 0.1, 1.0),
+        (1.0 + window.PEAK_HOLD_TIME + 0.1, 1.0),
+    ):
         channels = np.zeros(len(CHANNELS))
         channels[CHANNEL["motor_torque"]] = torque
         made.draw(moment(time=time, channels=channels))

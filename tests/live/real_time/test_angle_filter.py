@@ -7,8 +7,8 @@ import pytest
 
 from steer_env.live.real_time import Limits, Mailboxes
 from steer_env.live.real_time.angle_filter import HORIZON, estimate, follow, make, response
-from steer_env.live.real_time.loop import PERIOD, loop_of, tick
-from steer_env.live.real_time.model import model_of
+from steer_env.live.real_time.loop import PERIOD, make_loop_memory, tick
+from steer_env.live.real_time.model import make_model
 from steer_env.vehicle import cars, subsystems
 
 BIT = math.radians(900.0) / 2**16  # of a sensor with 16 bit over 900 deg [rad]
@@ -80,7 +80,7 @@ def test_a_filtered_wheel_shakes_less_than_its_steps():
 
     def hand_torque(**options):
         part = subsystems.make("car", cars.load("compact").plant("lugre", robot=True), 100.0 / 3.6)
-        mail, model, loop = Mailboxes(part, **options), model_of(part), loop_of(Limits())
+        mail, model, loop = Mailboxes(part, **options), make_model(part), make_loop_memory(Limits())
         names, torque = [signal.name for signal in part.outputs], []
         for k in range(1500):
             now = (k + 10) * PERIOD
@@ -100,7 +100,11 @@ def test_a_filtered_wheel_shakes_less_than_its_steps():
 def test_a_reading_that_is_no_number_or_jumps_still_ends_the_torque():
     for value in (math.nan, math.inf, 20.0):
         part = subsystems.make("car", cars.load("compact").plant("lugre", robot=True), 100.0 / 3.6)
-        mail, model, loop = Mailboxes(part, angle_bandwidth=50.0), model_of(part), loop_of(Limits(soft_start=0.01))
+        mail, model, loop = (
+            Mailboxes(part, angle_bandwidth=50.0),
+            make_model(part),
+            make_loop_memory(Limits(soft_start=0.01)),
+        )
         for k in range(200):
             now = (k + 10) * PERIOD
             mail.put([0.0, value if k == 150 else 0.1, 0.0, 0.0, 0.0, 0.0, 0.0], now)

@@ -10,8 +10,17 @@ import pytest
 
 from steer_env import friction
 from steer_env.live.real_time import CarConfiguration, CarConfigurations
-from steer_env.live.real_time.configurations import FADE, HEAD, IMPLAUSIBLE, LONGEST, NEXT, PLACE, RUN_IN, SHARE
-from steer_env.live.real_time.model import model_of, restart, step
+from steer_env.live.real_time.configurations import (
+    ACTING_PLACE,
+    FADE,
+    HEAD,
+    IMPLAUSIBLE,
+    LONGEST,
+    NEXT_CAR,
+    NEXT_SHARE,
+    RUN_IN,
+)
+from steer_env.live.real_time.model import make_model, restart, step
 from steer_env.vehicle import cars, subsystems
 from steer_env.vehicle.plant import CHANNEL, channels
 from steer_env.vehicle.steering.column import HANDWHEEL_ANGLE, Column
@@ -48,7 +57,7 @@ def drive(configurations, samples, amplitude, frequency=0.5, choices=(), robot=T
 
     ``choices`` are pairs of a sample and a configuration.
     """
-    model, choices = model_of(configurations), dict(choices)
+    model, choices = make_model(configurations), dict(choices)
     omega, found = 2.0 * math.pi * frequency, np.zeros((samples, len(CHANNEL) + 1))
     for k in range(samples):
         if k in choices:
@@ -148,7 +157,7 @@ def test_a_configuration_that_took_over_is_the_car_itself():
 def test_the_motion_of_the_car_goes_on_in_the_next_one():
     """In a turn, also to a chassis that calls its states otherwise; at a lower speed, without a brake or a push."""
     configurations = configurations_of(DIFFERENT)
-    model = model_of(configurations)
+    model = make_model(configurations)
     names = [name for name, _ in channels(configurations.configurations[0].subsystem.parameters)]
     yaw, speed = names.index("yaw_rate"), names.index("longitudinal_speed")
     model.given[1] = 0.2
@@ -156,7 +165,7 @@ def test_the_motion_of_the_car_goes_on_in_the_next_one():
     for target in (1, 2, 0):
         for _ in range(6000):
             assert step(model, 1)
-        acting = int(model.state[PLACE])
+        acting = int(model.state[ACTING_PLACE])
         configurations.choose(target)
         assert step(model, 1)
         before, after = configurations.memory.rows[acting], configurations.memory.rows[1 - acting]
@@ -171,7 +180,7 @@ def test_the_motion_of_the_car_goes_on_in_the_next_one():
 def test_cars_under_a_hand_torque_share_one_handwheel():
     """In run-in and fade both have the same angle, which goes on without a jump, as its speed does."""
     configurations = configurations_of(DIFFERENT, robot=False)
-    model, width = model_of(configurations), configurations.memory.start.shape[1]
+    model, width = make_model(configurations), configurations.memory.start.shape[1]
     angles = []
     for k in range(2500):
         if k == 1500:
@@ -179,7 +188,7 @@ def test_cars_under_a_hand_torque_share_one_handwheel():
         model.given[0] = 3.0 * math.sin(math.pi * 1e-3 * k)
         assert step(model, 1)
         both = model.state[[HEAD + HANDWHEEL_ANGLE, HEAD + width + HANDWHEEL_ANGLE]]
-        if model.state[NEXT] >= 0.0:
+        if model.state[NEXT_CAR] >= 0.0:
             assert both[0] == both[1]
             assert model.outputs[0, ANGLE] == pytest.approx(both[0], abs=1e-12)
             assert model.outputs[0, CHANNEL["handwheel_torque"]] == pytest.approx(model.given[0], abs=1e-9)
@@ -195,7 +204,7 @@ def test_a_choice_within_a_switch():
     A fade turns round for the acting configuration, and goes on first for another one.
     """
     configurations = configurations_of(DIFFERENT)
-    model = model_of(configurations)
+    model = make_model(configurations)
     model.given[1] = 0.3
     torque = []
 
@@ -251,7 +260,7 @@ def test_a_configuration_that_diverges_and_stays_finite_is_dropped(damping):
     """It does not keep the torque, and another configuration can be chosen behind it."""
     configurations = CarConfigurations([configuration_of(label, LAWS["lugre"]) for label in "abc"])
     alone = drive(CarConfigurations([configurations.configurations[0]]), 6000, 0.3)[:, TORQUE]
-    m, model, torque = configurations.memory, model_of(configurations), []
+    m, model, torque = configurations.memory, make_model(configurations), []
     for k in range(6000):
         if k in (1000, 4500):
             configurations.choose(1 if k == 1000 else 2)
@@ -276,7 +285,7 @@ def test_a_configuration_that_does_not_stay_finite_is_dropped(robot, fading):
     """In the run-in at once, in the fade by fading back; the acting configuration goes on, and others can be chosen."""
     configurations = configurations_of(DIFFERENT, robot)
     alone = drive(CarConfigurations([configurations.configurations[0]]), 1500, 0.5, robot=robot)
-    model, torque = model_of(configurations), []
+    model, torque = make_model(configurations), []
     for k in range(3000):
         if k == 1000:
             configurations.choose(1)
@@ -302,7 +311,7 @@ def test_a_configuration_that_does_not_stay_finite_is_dropped(robot, fading):
 
 def test_an_acting_configuration_that_does_not_stay_finite_is_a_failure_and_leaves_all_as_it_was():
     configurations = configurations_of(dict(list(DIFFERENT.items())[:2]))
-    model = model_of(configurations)
+    model = make_model(configurations)
     configurations.choose(1)
     for _ in range(RUN_IN + FADE // 2):
         assert step(model, 1)
@@ -311,12 +320,12 @@ def test_an_acting_configuration_that_does_not_stay_finite_is_a_failure_and_leav
     assert not step(model, 1)
     assert np.array_equal(model.state, before)
     assert np.array_equal(model.outputs, shown)
-    assert 0.0 < model.state[SHARE] < 1.0
+    assert 0.0 < model.state[NEXT_SHARE] < 1.0
 
 
 def test_a_new_session_begins_with_the_first_configuration_and_takes_the_choice_again():
     configurations = configurations_of(dict(list(DIFFERENT.items())[:2]))
-    model = model_of(configurations)
+    model = make_model(configurations)
     configurations.choose(1)
     for _ in range(RUN_IN + 2 * FADE):
         step(model, 1)
@@ -327,13 +336,13 @@ def test_a_new_session_begins_with_the_first_configuration_and_takes_the_choice_
     for _ in range(RUN_IN + 2 * FADE):
         step(model, 1)
     assert configurations.chosen() == 1
-    assert model.state[PLACE] == 1.0
+    assert model.state[ACTING_PLACE] == 1.0
 
 
 def test_configurations_keep_what_their_code_needs():
     configurations = configurations_of(dict(list(DIFFERENT.items())[:1]))
     expected = drive(configurations, 200, 1.0)
-    model = model_of(configurations)
+    model = make_model(configurations)
     del configurations
     gc.collect()
     noise = [np.random.default_rng(1).random(60_000) for _ in range(20)]  # takes the place of what was freed

@@ -7,7 +7,7 @@ import pytest
 
 from steer_env.live.real_time import angle_filter, haptics
 from steer_env.live.real_time.haptics import FREQUENCIES, OWN_DELAY, Wheel, longest_delay, stability
-from steer_env.live.real_time.model import model_of, step
+from steer_env.live.real_time.model import make_model, step
 from steer_env.vehicle import cars, subsystems
 
 K_TB = 130.0  # of the default car [N m/rad]
@@ -28,7 +28,7 @@ def oscillation(part, wheel, delay, share=1.0, bit=0.0, friction=0.0, seconds=4.
     uneven intervals of 1 ms to ``gap`` [ms], to the filter of the mailboxes.
     """
     draw, sensor, due = np.random.default_rng(7), angle_filter.make(), 0
-    model, names = model_of(part), [signal.name for signal in part.given]
+    model, names = make_model(part), [signal.name for signal in part.given]
     places = names.index("hand_angle"), names.index("hand_speed")
     angle = speed = filtered = filtered_speed = 0.0
     waiting = [0.0] * (round(1e3 * delay) + 1)

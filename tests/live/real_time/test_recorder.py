@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from steer_env.live.real_time import Limits, Mailboxes, RealTime
-from steer_env.live.real_time.loop import PERIOD, loop_of, tick
-from steer_env.live.real_time.model import model_of
-from steer_env.live.real_time.recorder import OWN, Recorder
+from steer_env.live.real_time.loop import PERIOD, make_loop_memory, tick
+from steer_env.live.real_time.model import make_model
+from steer_env.live.real_time.recorder import RECORD_HEAD, Recorder
 from steer_env.live.real_time.safety import PHASES
 from steer_env.vehicle import cars, subsystems
 
@@ -19,8 +19,8 @@ class Recorded:
     def __init__(self):
         self.part = subsystems.make("car", cars.load("compact").plant("lugre", robot=True), 100.0 / 3.6)
         self.mail = Mailboxes(self.part, clock=lambda: self.now)
-        self.model, self.recorder = model_of(self.part), Recorder(self.part, 0.1)
-        self.loop, self.now, self.told = loop_of(Limits(soft_start=0.01), ring=self.recorder.ring), PERIOD, []
+        self.model, self.recorder = make_model(self.part), Recorder(self.part, 0.1)
+        self.loop, self.now, self.told = make_loop_memory(Limits(soft_start=0.01), ring=self.recorder.ring), PERIOD, []
 
     def run(self, samples, missed=0):
         """What the mailbox tells of each sample: torque, phase and outputs."""
@@ -37,11 +37,11 @@ class Recorded:
         told, self.told = self.told[: len(rows)], []
         names = self.recorder.columns
         first = ("time", "missed", "motor_torque", "phase")
-        assert names[: len(OWN)] == tuple(OWN)
+        assert names[: len(RECORD_HEAD)] == tuple(RECORD_HEAD)
         assert rows.shape[1] == len(names)
         if len(rows):
             shown = [names.index(name) for name in first]
-            kept = np.hstack([rows[:, shown], rows[:, len(OWN) :]])
+            kept = np.hstack([rows[:, shown], rows[:, len(RECORD_HEAD) :]])
             given, outputs = len(self.part.given), len(self.part.outputs)
             expected = np.array(told)
             used = [*range(4 + given), *range(expected.shape[1] - outputs, expected.shape[1])]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from steer_env.live.real_time import Limits, Mailboxes
-from steer_env.live.real_time.loop import NEVER, PERIOD, counts, loop_of
+from steer_env.live.real_time.loop import NEVER, PERIOD, counts, make_loop_memory
 from steer_env.live.real_time.model import restart
 from steer_env.live.real_time.safety import SAFETY, limit_torque
 from steer_env.vehicle import cars, subsystems
@@ -289,7 +289,7 @@ def test_every_sample_keeps_the_limit_of_power():
 @pytest.mark.parametrize("value", [math.nan, math.inf, -1.0])
 def test_limits_that_are_none_are_refused(field, value):
     with pytest.raises(ValueError, match=rf"{field} of Limits must be finite"):
-        loop_of(Limits()._replace(**{field: value}))
+        make_loop_memory(Limits()._replace(**{field: value}))
 
 
 def test_a_stall_that_is_no_fault_is_no_way_around_the_slew():

@@ -3,8 +3,8 @@
 import math
 
 from steer_env.live.real_time import Limits, Mailboxes
-from steer_env.live.real_time.loop import PERIOD, loop_of, tick
-from steer_env.live.real_time.model import model_of
+from steer_env.live.real_time.loop import PERIOD, make_loop_memory, tick
+from steer_env.live.real_time.model import make_model
 from steer_env.vehicle import cars, subsystems
 
 
@@ -32,7 +32,7 @@ class Wheel:
         self.angle, self.speed = names.index("hand_angle"), names.index("hand_speed")
         clock = {"clock": lambda: self.now}
         self.mail = Mailboxes(self.part, dead_man=dead_man, angle_bandwidth=angle_bandwidth, **clock)
-        self.model, self.loop = model_of(self.part), loop_of(self.limits)
+        self.model, self.loop = make_model(self.part), make_loop_memory(self.limits)
         self.amplitude, self.omega = amplitude, 2.0 * math.pi * frequency
         self.now = 5 * PERIOD  # [ns]
         self.offset = 0  # of the clock that stamps the wheel's readings [ns]

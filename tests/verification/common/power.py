@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from steer_env import manoeuvres
 from steer_env.manoeuvres.common.driving import run, run_closed
 from steer_env.vehicle import cars, plant
-from steer_env.vehicle.layout import states
+from steer_env.vehicle.layout import state_names
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 Array = NDArray[np.float64]
@@ -87,7 +87,7 @@ def steering(p: plant.Plant, record: Array, passed: Array) -> dict[str, Array]:
 
     angle, column = channel("handwheel_angle"), channel("column_angle")
     # On two tracks the mean of both wheels. What their difference stores and loses the wheels give, not the rack.
-    give = passed[:, [name in COMPLIANCE for name, _ in states(p)]].mean(1)
+    give = passed[:, [name in COMPLIANCE for name, _ in state_names(p)]].mean(1)
     hand = channel("handwheel_torque")
     held = p.robot == 0.0 and p.column.K_arm == 0.0  # a given torque holds over its sample
     kinetic = c.I1 * channel("handwheel_speed") ** 2 + c.I2 * channel("column_speed") ** 2

@@ -61,7 +61,7 @@ def _knuckles(strut: Any, x: Array, tie_rods: Array) -> tuple[Array, Array]:
     places = [((q[0], s[0]), (-q[1], s[1])) for q, s in zip(tie_rods, x[:, TRAVEL : TRAVEL + 2])]
     return tuple(  # type: ignore[return-value]
         np.array([[read(strut, *place) for place in pair] for pair in places])
-        for read in (kinematics_table.left, kinematics_table.left_travel)
+        for read in (kinematics_table.left_knuckle, kinematics_table.left_travel)
     )
 
 

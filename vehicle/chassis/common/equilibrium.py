@@ -10,8 +10,8 @@ from steer_env.friction.numerics import scratch
 from steer_env.friction.numerics.kernel import kernel
 from steer_env.vehicle.chassis.common.interface import INPUTS, separate_derivative
 
-MOST = 16  # unknowns
-_MATRIX, _INPUTS = MOST * MOST, len(INPUTS)
+MOST_UNKNOWNS = 16  # unknowns
+_MATRIX, _INPUTS = MOST_UNKNOWNS * MOST_UNKNOWNS, len(INPUTS)
 ITERATIONS = 20  # a car that can hold its speed needs three to five
 CLOSE = 1e-6  # change of every unknown, over its step, at which it is found [1]
 
@@ -41,34 +41,37 @@ def _rate(unknowns, dx, i):
 
 @kernel
 def solve(J, r, n):
-    """Solve J d = r (n,), J by rows of MOST, with partial pivoting; d in place of r. False for a singular J."""
+    """Solve J d = r (n,), J by rows of MOST_UNKNOWNS, by partial pivoting; d in place of r. False for a singular J."""
     for k in range(n):
         pivot = k
         for i in range(k + 1, n):
-            if abs(J[MOST * i + k]) > abs(J[MOST * pivot + k]):
+            if abs(J[MOST_UNKNOWNS * i + k]) > abs(J[MOST_UNKNOWNS * pivot + k]):
                 pivot = i
-        if J[MOST * pivot + k] == 0.0:
+        if J[MOST_UNKNOWNS * pivot + k] == 0.0:
             return False
         if pivot != k:
             for j in range(k, n):
-                J[MOST * k + j], J[MOST * pivot + j] = J[MOST * pivot + j], J[MOST * k + j]
+                J[MOST_UNKNOWNS * k + j], J[MOST_UNKNOWNS * pivot + j] = (
+                    J[MOST_UNKNOWNS * pivot + j],
+                    J[MOST_UNKNOWNS * k + j],
+                )
             r[k], r[pivot] = r[pivot], r[k]
         for i in range(k + 1, n):
-            factor = J[MOST * i + k] / J[MOST * k + k]
+            factor = J[MOST_UNKNOWNS * i + k] / J[MOST_UNKNOWNS * k + k]
             for j in range(k, n):
-                J[MOST * i + j] -= factor * J[MOST * k + j]
+                J[MOST_UNKNOWNS * i + j] -= factor * J[MOST_UNKNOWNS * k + j]
             r[i] -= factor * r[k]
     for k in range(n - 1, -1, -1):
         for j in range(k + 1, n):
-            r[k] -= J[MOST * k + j] * r[j]
-        r[k] /= J[MOST * k + k]
+            r[k] -= J[MOST_UNKNOWNS * k + j] * r[j]
+        r[k] /= J[MOST_UNKNOWNS * k + k]
     return True
 
 
 @kernel
 def balance(p, strut, tyre, x, unknowns, n, dx, out):
     """Bring the first ``n`` unknowns of ``x`` to balance; whether it was found. ``dx`` and ``out`` are overwritten."""
-    J, r, u = scratch.floats(_MATRIX), scratch.floats(MOST), scratch.floats(_INPUTS)
+    J, r, u = scratch.floats(_MATRIX), scratch.floats(MOST_UNKNOWNS), scratch.floats(_INPUTS)
     for i in range(_INPUTS):
         u[i] = 0.0
     for _ in range(ITERATIONS):
@@ -81,7 +84,7 @@ def balance(p, strut, tyre, x, unknowns, n, dx, out):
             x[unknowns.mirrored[j]], x[unknowns.at[j]] = other, kept
             for i in range(n):
                 if k > 0:
-                    J[MOST * i + j] = (_rate(unknowns, dx, i) + r[i]) / h
+                    J[MOST_UNKNOWNS * i + j] = (_rate(unknowns, dx, i) + r[i]) / h
                 else:
                     r[i] = -_rate(unknowns, dx, i)
         if not solve(J, r, n):

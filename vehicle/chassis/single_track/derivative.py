@@ -234,8 +234,8 @@ def derivative(p, strut, c, x, rack, rack_rate, u, dx, out):
     loads = wheel_loads(p, x)
     # Rolling to the right lowers the left wheel in its arch (V9).
     tie_rods = rack - x[COMPLIANCE]
-    left = kinematics_table.left(strut, tie_rods, -0.5 * p.t_f * x[ROLL])
-    right = kinematics_table.right(strut, tie_rods, 0.5 * p.t_f * x[ROLL])
+    left = kinematics_table.left_knuckle(strut, tie_rods, -0.5 * p.t_f * x[ROLL])
+    right = kinematics_table.right_knuckle(strut, tie_rods, 0.5 * p.t_f * x[ROLL])
     forces = tyre_forces(p, c, left, right, loads, x)
     A, side_force = body_rates(p, forces, u, x, dx)
     slip_rates(p, left, right, forces, x, dx)

@@ -46,7 +46,7 @@ def brake_torques(b, pedal, hand):
 
 
 @kernel
-def _beyond(R, capacity):
+def _torque_beyond_brake(R, capacity):
     """The part of ``R`` that exceeds a brake torque of at most ``capacity``."""
     return math.copysign(max(abs(R) - capacity, 0.0), R)
 
@@ -81,7 +81,7 @@ def wheel_step(I, omega, torque, capacity, h):
         the energy balance.
     """
     S = I / h
-    new = _beyond(S * omega + torque, capacity) / S  # (D5)
+    new = _torque_beyond_brake(S * omega + torque, capacity) / S  # (D5)
     return new, torque - S * (new - omega)
 
 
@@ -113,7 +113,7 @@ def axle_step(I, J, omega_l, omega_r, torque_l, torque_r, capacity_l, capacity_r
     R_l, R_r = S * omega_l + c * before + torque_l, S * omega_r + c * before + torque_r
     low, high = -math.inf, math.inf
     for y in (R_l - capacity_l, R_l + capacity_l, R_r - capacity_r, R_r + capacity_r):
-        excess = S * y - c * (_beyond(R_l - y, capacity_l) + _beyond(R_r - y, capacity_r))
+        excess = S * y - c * (_torque_beyond_brake(R_l - y, capacity_l) + _torque_beyond_brake(R_r - y, capacity_r))
         if excess <= 0.0:  # equality counts for both bounds, so that backwards is the exact mirror of forwards
             low = max(low, y)
         if excess >= 0.0:
@@ -127,6 +127,6 @@ def axle_step(I, J, omega_l, omega_r, torque_l, torque_r, capacity_l, capacity_r
             beyond += R + capacity
             sliding += 1.0
     y = c * beyond / (S + sliding * c)
-    new_l, new_r = _beyond(R_l - y, capacity_l) / S, _beyond(R_r - y, capacity_r) / S  # (D5)
+    new_l, new_r = _torque_beyond_brake(R_l - y, capacity_l) / S, _torque_beyond_brake(R_r - y, capacity_r) / S  # (D5)
     gain = c * (new_l + new_r - before)
     return new_l, new_r, torque_l - S * (new_l - omega_l) - gain, torque_r - S * (new_r - omega_r) - gain

@@ -76,7 +76,10 @@ def carriers(d, strut, rack, rack_rate, W_z, x):
     travel_l, travel_r = x[TRAVEL], x[TRAVEL + 1]
     # A right wheel is a left one at the opposite rack position.
     rack_l, rack_r = rack - x[COMPLIANCE], x[COMPLIANCE + 1] - rack
-    left, right = kinematics_table.left(strut, rack_l, travel_l), kinematics_table.left(strut, rack_r, travel_r)
+    left, right = (
+        kinematics_table.left_knuckle(strut, rack_l, travel_l),
+        kinematics_table.left_knuckle(strut, rack_r, travel_r),
+    )
     knuckle = kinematics_table.Knuckle(
         steer_angle=front_only(left.steer_angle, right.steer_angle),
         inclination=front_only(left.inclination, right.inclination),

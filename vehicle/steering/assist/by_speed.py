@@ -39,6 +39,6 @@ def shortest(values: NDArray[np.float64]) -> list[float]:
 
 
 @kernel
-def between(values, i, u):
+def interpolate_cell(values, i, u):
     """The value in a cell ``i`` of the speeds, at a position ``u`` in it from 0 to 1."""
     return values[i] + u * (values[i + 1] - values[i])

@@ -17,7 +17,7 @@ from steer_env.friction.numerics.check import parameters_of
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.interpolation import bracket
 from steer_env.friction.numerics.kernel import COMPILED, dispatch, kernel
-from steer_env.friction.numerics.units import ONE, Function, Unit, array, caller, memory_size, part, values
+from steer_env.friction.numerics.units import RETURNS_NUMBER, Function, Unit, array, caller, memory_size, part, values
 from steer_env.vehicle.steering.assist import (
     active_return,
     damping,
@@ -25,7 +25,7 @@ from steer_env.vehicle.steering.assist import (
     inertia_compensation,
     lead_lag,
 )
-from steer_env.vehicle.steering.assist.by_speed import between
+from steer_env.vehicle.steering.assist.by_speed import interpolate_cell
 
 MODULES = (active_return, damping, inertia_compensation, lead_lag, friction_compensation)
 # First position of each function's states; the memory of the observer's friction law ends them.
@@ -163,19 +163,19 @@ def _with_functions(f, x, s, request):
     i, u = bracket(f.speeds, abs(s.speed))
     returned = active_return.torque(
         f.active_return,
-        between(f.active_return.gain, i, u),
+        interpolate_cell(f.active_return.gain, i, u),
         s.handwheel_angle,
         s.handwheel_speed,
         s.torsion_bar_torque,
         s.speed,
     )
-    damped = damping.torque(between(f.damping.gain, i, u), s.handwheel_speed)
-    inertia = between(f.inertia_compensation.gain, i, u)
+    damped = damping.torque(interpolate_cell(f.damping.gain, i, u), s.handwheel_speed)
+    inertia = interpolate_cell(f.inertia_compensation.gain, i, u)
     accelerated = inertia_compensation.torque(f.inertia_compensation, inertia, x[INERTIA:LEAD_LAG], s.column_speed)
     shifted = lead_lag.torque(f.lead_lag, f.lead_lag.gain, x[LEAD_LAG:FRICTION], s.torsion_bar_torque)
     p = f.friction_compensation
     compensated = friction_compensation.torque(p, x[FRICTION:], s.column_speed, s.torsion_bar_torque)
-    return request + returned + damped + accelerated + shifted + between(p.gain, i, u) * compensated
+    return request + returned + damped + accelerated + shifted + interpolate_cell(p.gain, i, u) * compensated
 
 
 # The functions as a unit (steer_env.friction.numerics.units), which is empty where there are none.
@@ -187,7 +187,7 @@ def _requested(numbers, sizes, x, angle, handwheel_speed, column_speed, torsion_
     return _with_functions(values(numbers, sizes), array(x, sizes), measured, request)
 
 
-_request = caller(ONE)
+_request = caller(RETURNS_NUMBER)
 
 
 @kernel
@@ -200,7 +200,7 @@ def _requested_of_unit(f, x, s, request):
 
 def bound(f: Any) -> Any:
     """The functions as compiled kernels take them in this process, so that these are compiled once for all."""
-    given = () if isinstance(f, NoFunctions) else (Function(_requested, "pnnnnnn", ONE),)
+    given = () if isinstance(f, NoFunctions) else (Function(_requested, "pnnnnnn", RETURNS_NUMBER),)
     return units.bound(f, given, len(states(f))) if COMPILED else f
 
 

@@ -40,7 +40,7 @@ def follows(name: str) -> set[str]:
     return {f"{section}.{key}" for section, keys in found.items() for key in keys}
 
 
-def named(sections: Iterable[str]) -> str:
+def kind_of_sections(sections: Iterable[str]) -> str:
     """The kind of a car file with these sections; ValueError where there are two."""
     found = [name for name in KINDS.available() if name in sections]
     if len(found) > 1:

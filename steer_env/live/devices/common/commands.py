@@ -15,7 +15,7 @@ COMMANDS = {
 }
 DEAD_MAN = "dead_man"  # is held, not pressed
 # Keys as pygame calls them, pygame.K_...
-KEYS = {
+KEY_COMMANDS = {
     "TAB": "swap",
     **{str(i): f"set_{i}" for i in range(1, 10)},
     "PAGEUP": "faster",
@@ -29,7 +29,7 @@ KEYS = {
 BUTTONS = "swap=0+pause=1+recentre=2+dead_man=3+faster=4+slower=5"  # default of gamepads and wheels; assumed
 
 
-def buttons_of(text: str) -> dict[int, str]:
+def parse_buttons(text: str) -> dict[int, str]:
     """Commands by the number of the button, of a text as ``BUTTONS``.
 
     Raises
@@ -100,7 +100,7 @@ class Keys(Pressed):
         import pygame  # here, because it is an extra; who has an event has imported it
 
         if not self._commands_of:
-            self._commands_of = {getattr(pygame, f"K_{key}"): command for key, command in KEYS.items()}
+            self._commands_of = {getattr(pygame, f"K_{key}"): command for key, command in KEY_COMMANDS.items()}
         if event.type == pygame.KEYDOWN and event.key in self._commands_of:
             self.down(event.key, self._commands_of[event.key])
         elif event.type == pygame.KEYUP:

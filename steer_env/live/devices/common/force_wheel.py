@@ -3,10 +3,10 @@
 import time
 
 from steer_env.friction.numerics.check import flag, number
-from steer_env.live.devices.common.commands import BUTTONS, buttons_of
+from steer_env.live.devices.common.commands import BUTTONS, parse_buttons
 from steer_env.live.devices.common.device import Clock, Device
 
-FULL = 0x7FFF  # largest level of a constant force
+FULL_LEVEL = 0x7FFF  # largest level of a constant force
 _REFRESHES = 4  # of a force within its length
 _LONG_AGO = 10**12  # [ns]
 
@@ -25,7 +25,7 @@ class ForceWheel(Device):
     gain : float
         Of the wheel's forces [%].
     buttons : str
-        As of :func:`steer_env.live.devices.common.commands.buttons_of`.
+        As of :func:`steer_env.live.devices.common.commands.parse_buttons`.
     max_torque, reverse, clock
         As of :class:`Device`.
     """
@@ -46,14 +46,14 @@ class ForceWheel(Device):
         self._degrees = number("degrees", degrees, minimum=90.0, maximum=3600.0)
         self._length = round(number("timeout_ms", timeout_ms, minimum=10.0, maximum=1000.0))  # [ms]
         self._gain = number("gain", gain, minimum=0.0, maximum=100.0)
-        self._commands = buttons_of(buttons)
+        self._commands = parse_buttons(buttons)
 
     def _open(self) -> None:
         self._level, self._played = 0, -_LONG_AGO  # of a wheel that is opened anew
 
     def _push(self, torque: float) -> None:
         """Change the level of the effect where it changes, and play it anew several times within its length."""
-        now, level = self.clock(), round(FULL * torque / self.max_torque)
+        now, level = self.clock(), round(FULL_LEVEL * torque / self.max_torque)
         if level != self._level:
             self._update(level)
             self._level = level
@@ -62,7 +62,7 @@ class ForceWheel(Device):
             self._played = now
 
     def _update(self, level: int) -> None:
-        """Give the effect another level, positive to the left, at most ``FULL``."""
+        """Give the effect another level, positive to the left, at most ``FULL_LEVEL``."""
         raise NotImplementedError
 
     def _play(self) -> None:

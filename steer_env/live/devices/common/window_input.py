@@ -5,7 +5,7 @@ from typing import Any
 
 from steer_env.friction.numerics.check import whole
 from steer_env.friction.numerics.extras import install
-from steer_env.live.devices.common.commands import BUTTONS, buttons_of
+from steer_env.live.devices.common.commands import BUTTONS, parse_buttons
 from steer_env.live.devices.common.device import Clock, Device, DeviceError, pedal
 
 _LONGEST = 0.1  # time that a wanted angle moves at most between two calls, as behind a process that was stopped [s]
@@ -83,7 +83,7 @@ class JoystickInput(WindowInput):
     rest : float
         What a pedal's axis reads that is not pressed, 1 or -1.
     buttons : str
-        As of :func:`steer_env.live.devices.common.commands.buttons_of`.
+        As of :func:`steer_env.live.devices.common.commands.parse_buttons`.
     clock : callable
         As of :class:`Device`.
     """
@@ -96,7 +96,7 @@ class JoystickInput(WindowInput):
             raise ValueError(f"rest must be 1 or -1, got {rest!r}")
         self._wanted_name, self._rest = str(device), float(rest)
         self._axes = {name: whole(name, number, NO_AXIS) for name, number in axes.items()}
-        self._buttons = buttons_of(buttons)
+        self._buttons = parse_buttons(buttons)
 
     def _open(self) -> None:
         super()._open()
