@@ -47,7 +47,7 @@ def test_a_reset_does_not_count():
         20,
     )
     assert env.resets > 20 * 5
-    assert step_time.ratios_to_base(times, "own")["slow"].median < 3.0
+    assert step_time.ratios_to_base(times, "own")["slow"].median < 20.0  # a hundred with them
 
 
 def test_what_is_not_installed_is_left_out(monkeypatch):
