@@ -203,14 +203,11 @@ def search(
     an error that one more step brings below :data:`CLOSE`, and that step. A secant leaves less than the product of the
     errors at its ends. Where secants lead nowhere, the search begins anew without them.
     """
-    return _sole(_search([(p, manoeuvre)], [simulator.settled(p)[0]], near, simulator))
+    return _sole(_search([(p, manoeuvre)], near, simulator))
 
 
 def _search(
-    cars: Sequence[tuple[plant.Plant, Manoeuvre]],
-    straight: Sequence[Array],
-    near: FoundAmplitude | None,
-    simulator: Simulator,
+    cars: Sequence[tuple[plant.Plant, Manoeuvre]], near: FoundAmplitude | None, simulator: Simulator
 ) -> list[FoundAmplitude | ValueError]:
     """:func:`search` of up to :data:`BESIDE` cars in one test, which go side by side."""
     found: dict[int, FoundAmplitude | ValueError] = {}
@@ -219,7 +216,7 @@ def _search(
     while tried:
         going, m = [*tried], cars[0][1]
         u = np.array([inputs(m, amplitude, m.trial or m.duration) for amplitude in tried.values()])
-        records = run_beside([cars[i][0] for i in going], m, u, [straight[i] for i in going], simulator=simulator)
+        records = run_beside([cars[i][0] for i in going], m, u, simulator=simulator)
         for i, record in zip(going, records):
             p, m = cars[i]
             try:
@@ -293,15 +290,14 @@ def run(
 
     ``straight`` is the state of straight running; it is computed if it is not given.
     """
-    straight = simulator.settled(p)[0] if straight is None else straight
-    return run_beside([p], manoeuvre, u[None], [straight], substeps, simulator)[0]
+    return run_beside([p], manoeuvre, u[None], None if straight is None else [straight], substeps, simulator)[0]
 
 
 def run_beside(
     plants: Sequence[plant.Plant],
     manoeuvre: Manoeuvre,
     u: Array,
-    straight: Sequence[Array],
+    straight: Sequence[Array] | None = None,
     substeps: int = 1,
     simulator: Simulator = OWN_SIMULATOR,
 ) -> Array:
@@ -309,7 +305,7 @@ def run_beside(
 
     Plants of one kind go side by side, in a third of the time.
     """
-    states = [each.copy() for each in straight]
+    states = [simulator.settled(p)[0] for p in plants] if straight is None else [each.copy() for each in straight]
     records = np.zeros((*u.shape[:2], len(simulator.channels(plants[0]))))
     changes = [min(round(t / SAMPLE_TIME), u.shape[1]) for t in manoeuvre.released]
     for k, (start, end) in enumerate(pairwise([0, *changes, u.shape[1]])):
@@ -492,17 +488,17 @@ def open_loops(
     near: FoundAmplitude | None = None,
 ) -> list[OpenLoop | ValueError]:
     """:func:`open_loop` of up to :data:`BESIDE` cars in one test, or why there is none."""
-    straight, m = [simulator.settled(p)[0] for p, _ in cars], cars[0][1]
+    m = cars[0][1]
     if m.amplitude is not None:
         amplitudes: list[float | ValueError] = [m.amplitude] * len(cars)
     elif m.lock:
         amplitudes = [p.rack_limit / p.pinion_radius for p, _ in cars]
     else:
-        found = _search(cars, straight, near, simulator)
+        found = _search(cars, near, simulator)
         amplitudes = [each if isinstance(each, ValueError) else each.amplitude for each in found]
     return [
-        x if isinstance(x, ValueError) else OpenLoop(x, inputs(m, x, m.duration), state)
-        for x, state in zip(amplitudes, straight)
+        x if isinstance(x, ValueError) else OpenLoop(x, inputs(m, x, m.duration), simulator.settled(p)[0])
+        for x, (p, _) in zip(amplitudes, cars)
     ]
 
 
