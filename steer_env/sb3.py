@@ -84,9 +84,12 @@ class SteerVecEnv(VecEnv):
     def step_wait(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         """Observations, rewards, whether episodes ended, infos."""
         observations, rewards, terminated, truncated, info = self.vector.step(self._actions)
-        told = [key for key in ("cost", "failure") if key in info]  # nothing fails in a tuning environment
-        infos: list[dict[str, Any]] = [dict(zip(told, x)) for x in zip(*(info[key].tolist() for key in told))]
-        done = terminated | truncated
+        costs, done = info["cost"].tolist(), terminated | truncated
+        infos: list[dict[str, Any]]
+        if "failure" in info:
+            infos = [{"cost": cost, "failure": code} for cost, code in zip(costs, info["failure"].tolist())]
+        else:  # nothing fails in a tuning environment
+            infos = [{"cost": cost} for cost in costs]
         for i in np.flatnonzero(done).tolist():
             infos[i] = {
                 **row(info["final_info"], i),

@@ -1,14 +1,16 @@
 """Arguments that kernels find in memory, and kernels that kernels call by address.
 
 A call from Python hands a kernel the arrays of a batch one by one, which takes longer than a car takes through a
-millisecond. A :class:`Holder` writes them into memory once, as compiled code holds them; a kernel takes the address and
-reads them by :func:`held`. So kernels can call one another by address as well (:func:`call`), each with arguments that
-the other does not know, and the one is not compiled for the types of the other.
+millisecond. A :class:`Holder` writes addresses and shapes into memory once; a kernel takes their place, and
+:func:`held` makes the arguments of them. So kernels can call one another by address as well (:func:`call`), each with
+arguments that the other does not know, and the one is not compiled for the types of the other.
 
 What is held belongs to one process, and is held anew where an array is replaced.
 """
 
 import hashlib
+from collections.abc import Callable, Iterator
+from functools import cache
 from typing import Any, NamedTuple
 
 import numba
@@ -16,10 +18,10 @@ import numpy as np
 from llvmlite import ir
 from numba import extending, types
 from numba.core import cgutils
-from numba.core.registry import cpu_target
 from numba.extending import NativeValue, models, register_model, unbox
+from numba.np.arrayobj import populate_array
 
-from steer_env.friction.numerics.kernel import COMPILED, bind, kernel, plain
+from steer_env.friction.numerics.kernel import COMPILED, plain
 
 _intrinsic: Any = extending.intrinsic  # whose first argument no caller gives
 _WORD = ir.IntType(64)
@@ -78,82 +80,87 @@ class Holder:
     """Holds arguments of the types of an example; others are undefined behaviour, as with ``bind``."""
 
     def __init__(self, *example: Any) -> None:
-        if COMPILED:
-            self.kind, context = numba.typeof(example), cpu_target.target_context
-            self._size = context.get_abi_sizeof(context.get_value_type(self.kind)) // 8 + 1
-            self._write = bind(_hold, np.zeros(0, np.int64), example)
+        self._kind = numba.typeof(example) if COMPILED else None
 
     def __call__(self, *arguments: Any) -> Any:
         """Arguments as :func:`held` gives them to a kernel; in plain Python they are handed over as they are."""
         if not COMPILED:
             return arguments
-        memory = np.zeros(self._size, np.int64)
-        self._write(memory, arguments)
+        memory = np.array([*_words(arguments)], np.int64)
         found = Held(memory.ctypes.data)
-        found.kind, found.kept = self.kind, (memory, arguments)
+        found.kind, found.kept = self._kind, (memory, arguments)
         return found
+
+
+def _words(value: Any) -> Iterator[int]:
+    """Words of 64 bits that :func:`held` makes a value of: address, shape and strides of an array, or a number."""
+    if isinstance(value, tuple):
+        for member in value:
+            yield from _words(member)
+    elif isinstance(value, np.ndarray):
+        yield from (value.ctypes.data, *value.shape, *value.strides)
+    elif isinstance(value, float):
+        yield int(np.float64(value).view(np.int64))
+    elif value is not None:
+        yield int(value)
 
 
 def called(function: Any, arguments: Any) -> Called:
     """A kernel and what a :class:`Holder` made of its arguments, for kernels that do not know it."""
     if not COMPILED:
         return Called(function, arguments)
-    given = (numba.typeof(arguments), types.int64, types.int64, types.int64)
+    return Called(_address(function, arguments.kind), int(arguments))
+
+
+@cache
+def _address(function: Any, kind: Any) -> int:
+    given = (HeldType(kind), types.int64, types.int64, types.int64)
     function.compile(given)
     found = function.overloads[given]
-    return Called(found.library.get_pointer_to_function(found.fndesc.llvm_func_name), int(arguments))
-
-
-def _members(builder: Any, at: Any) -> Any:
-    """Addresses of the members of what stands at an address; none of a number."""
-    kind, first = at.type.pointee, ir.Constant(ir.IntType(32), 0)
-    if isinstance(kind, ir.Aggregate):
-        return [builder.gep(at, [first, ir.Constant(ir.IntType(32), k)]) for k in range(len(kind))]
-    return None
-
-
-def _store(builder: Any, value: Any, at: Any) -> None:
-    members = _members(builder, at)
-    if members is None:
-        builder.store(value, at)
-    for k, member in enumerate(members or ()):
-        _store(builder, builder.extract_value(value, k), member)
-
-
-def _load(builder: Any, at: Any) -> Any:
-    members = _members(builder, at)
-    if members is None:
-        number = builder.load(at)
-        number.set_metadata("invariant.load", builder.module.add_metadata([]))  # no kernel writes what is held
-        return number
-    value = ir.Constant(at.type.pointee, ir.Undefined)
-    for k, member in enumerate(members):
-        value = builder.insert_value(value, _load(builder, member), k)
-    return value
-
-
-@_intrinsic
-def _write(typing_context, memory, arguments):
-    def generate(context, builder, signature, given):
-        data = context.make_array(signature.args[0])(context, builder, given[0]).data
-        _store(builder, given[1], builder.bitcast(data, given[1].type.as_pointer()))
-        return context.get_dummy_value()
-
-    return types.none(memory, arguments), generate
-
-
-@kernel
-def _hold(memory, arguments):
-    _write(memory, arguments)
+    address: int = found.library.get_pointer_to_function(found.fndesc.llvm_func_name)
+    return address
 
 
 @_intrinsic
 def _read(typing_context, arguments):
     def generate(context, builder, signature, given):
-        kind = context.get_value_type(signature.return_type)
-        return _load(builder, builder.bitcast(given[0], kind.as_pointer()))
+        at = builder.bitcast(given[0], _WORD.as_pointer())
+
+        def word() -> Any:
+            nonlocal at
+            found = builder.load(at)
+            found.set_metadata("invariant.load", builder.module.add_metadata([]))  # no kernel writes what is held
+            at = builder.gep(at, [_WORD(1)])
+            return found
+
+        def rebuilt(kind: Any) -> Any:
+            if isinstance(kind, types.BaseTuple):
+                return context.make_tuple(builder, kind, [rebuilt(member) for member in kind])  # type: ignore[attr-defined]
+            if isinstance(kind, types.Array):
+                return _array(context, builder, kind, word)
+            if kind == types.none:
+                return context.get_dummy_value()
+            if kind == types.float64:
+                return builder.bitcast(word(), context.get_value_type(kind))
+            return context.cast(builder, word(), types.int64, kind)
+
+        return rebuilt(signature.return_type)
 
     return arguments.kind(arguments), generate
+
+
+def _array(context: Any, builder: Any, kind: Any, word: Callable[[], Any]) -> Any:
+    """An array by its words."""
+    made = context.make_array(kind)(context, builder)
+    populate_array(
+        made,
+        data=builder.inttoptr(word(), made.data.type),
+        shape=[word() for _ in range(kind.ndim)],
+        strides=[word() for _ in range(kind.ndim)],
+        itemsize=_WORD(context.get_abi_sizeof(context.get_data_type(kind.dtype))),
+        meminfo=None,
+    )
+    return made._getvalue()
 
 
 @_intrinsic

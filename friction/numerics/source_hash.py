@@ -156,7 +156,8 @@ def _known_now(module: ModuleType, text: bytes) -> _ModuleNames:
         things,
         not any(map(_changes, counted.values())),
         {  # what is set while the process runs counts too
-            f"{module.__name__}.{key}": _value(value) or f"{type(value)} {getattr(value, '__qualname__', '')}"
+            # Not with a point, which makes the name of a module in a package.
+            f"{module.__name__}:{key}": _value(value) or f"{type(value)} {getattr(value, '__qualname__', '')}"
             for key, value in counted.items()
         },
         dict.fromkeys(name for each in things for name in _modules_of(each)),

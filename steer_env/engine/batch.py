@@ -162,6 +162,7 @@ class EnvironmentBatch:
         """Views of the arrays, and the compiled kernels for their types."""
         a, at = self.arrays, self._layout
         self.episodes = a.episodes.view(EPISODE, np.ndarray)
+        self._scores = scores(self.task, a)
         self.results = self.episodes["reward"], self.episodes["terminated"], self.episodes["truncated"]
         self._given = a.actions[:, None]
         fours = self.n >= 4 and plant.side_by_side(self._template)
@@ -181,7 +182,7 @@ class EnvironmentBatch:
     def _of_rows(self, of_drivers: Called, cars: Called) -> tuple[Any, ...]:
         """What the kernel ``step`` takes."""
         a = self.arrays
-        own = a, scores(self.task, a), self._layout, self.task.parameters, self.over, self.condition_values
+        own = a, self._scores, self._layout, self.task.parameters, self.over, self.condition_values
         return (*own, of_drivers, cars)
 
     def _hold(self) -> None:
@@ -198,7 +199,17 @@ class EnvironmentBatch:
 
     def __getstate__(self) -> dict[str, Any]:
         # Addresses and compiled functions stay in their process, and some arrays are views of others.
-        left_out = ("_advance", "_advance_kernel", "_begin", "_step", "episodes", "results", "_given", "_outline")
+        left_out = (
+            "_advance",
+            "_advance_kernel",
+            "_begin",
+            "_step",
+            "episodes",
+            "results",
+            "_scores",
+            "_given",
+            "_outline",
+        )
         held = ("_hold_plants", "_hold_rows", "_held_of", "_held_plants", "_held_rows")
         return {key: value for key, value in self.__dict__.items() if key not in (*left_out, *held)}
 

@@ -14,6 +14,7 @@ import pytest
 
 from steer_env.friction.numerics.kernel import COMPILED, kernel, part
 from steer_env.friction.numerics.source_hash import UndecidableError, source_hash
+from steer_env.vehicle import plant
 
 pytestmark = pytest.mark.skipif(not COMPILED, reason="nothing is compiled")
 
@@ -46,6 +47,14 @@ def test_everything_that_is_frozen_into_a_kernel_counts(monkeypatch):
     assert source_hash(outer, (), "numba") not in (before, of_two)
     monkeypatch.setattr(sys.modules[__name__], "FACTOR", 2.0)
     assert source_hash(outer, (), "numba") == before
+
+
+def test_a_module_counts_after_its_package(monkeypatch):
+    """The package has the module under the name by which the module itself is known."""
+    before = source_hash(plant.begin_rows, (), "numba")
+    module = importlib.import_module("steer_env.vehicle.tyre.magic_formula.forces")
+    monkeypatch.setattr(module, "ADDED", 1.0, raising=False)
+    assert source_hash(plant.begin_rows, (), "numba") != before
 
 
 class Pair(NamedTuple):
