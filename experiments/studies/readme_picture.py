@@ -18,9 +18,8 @@ from steer_env.hand_torque.drive import reversals
 from steer_env.vehicle import cars
 
 LAWS = ("coulomb", "lugre", "masing", "elasto_plastic")
-LEAST_TURN = math.radians(
-    0.3
-)  # travel that counts as a turn: three steps of the recorded angle of the traffic; assumed
+# Travel that counts as a turn: three steps of the recorded angle of the traffic; assumed
+LEAST_TURN = math.radians(0.3)
 TESTS: dict[str, dict[str, Any]] = {  # title -> options of the weave
     f"turns of ±{math.degrees(SMALL_TURN):g} deg, as on a straight road": SMALL_TURNS,
     "the weave of the standard, 2 m/s²": {"cycles": 6},

@@ -134,9 +134,8 @@ class _Regression(NamedTuple):
 
     def factors(self, A: NDArray) -> NDArray[np.float64]:
         """Levels and other factors that leave least; only those of the columns of the problem may be negative (F32)."""
-        R = np.asarray(
-            np.linalg.qr(np.column_stack([A, self.T]), mode="r")
-        )  # the same sum of squares in as many rows as columns
+        # The same sum of squares in as many rows as columns
+        R = np.asarray(np.linalg.qr(np.column_stack([A, self.T]), mode="r"))
         free = np.arange(A.shape[1]) >= A.shape[1] - self.problem.columns.shape[1]
         return not_negative_factors(R[:, :-1], R[:, -1], free)  # (F32)
 

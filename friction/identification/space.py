@@ -182,9 +182,8 @@ class Space(NamedTuple):
     @property
     def highest(self) -> NDArray[np.float64]:
         """Largest values of the coordinates (n,)."""
-        last = (
-            LOG_SEARCH_RANGE if self.stroke is None else math.log(0.5 * np.ptp(self.stroke))
-        )  # yield that a stroke shows
+        # Yield that a stroke shows
+        last = LOG_SEARCH_RANGE if self.stroke is None else math.log(0.5 * np.ptp(self.stroke))
         return self._ends([s.highest for s in self.sought], [LOG_SEARCH_RANGE, last, 1.0])
 
     def _ends(self, sought: list[float], of_slider: list[float]) -> NDArray[np.float64]:

@@ -46,9 +46,8 @@ MOST_BLOCKS = 200  # blocks of a drive, which are longer in a long one
 FOLDS = 10  # of the cross-validation
 A_C = (0.05, 0.1, 0.2, 0.4, 0.8)  # grid of a_c [m/s2]
 X_C = tuple(np.radians([0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.45, 0.7, 1.0, 1.5, 2.5]))  # grid of x_c [rad]
-BALANCES = tuple(
-    50.0 * i for i in range(13)
-)  # grid of b: up to 88 km/h, at which a motorway's bank carries a car [m2/s2]
+# Grid of b: up to 88 km/h, at which a motorway's bank carries a car [m2/s2]
+BALANCES = tuple(50.0 * i for i in range(13))
 SIGMA = (0.3, 0.6, 1.2)  # grid of sigma: a contact of a car tyre to twice its relaxation length; assumed [m]
 # Grid of the change of the level over the range of a quantity, relative to the level where it is zero [1].
 CHANGES = (-0.9, -0.75, -0.5, -0.25, 0.0, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.5, 7.0)

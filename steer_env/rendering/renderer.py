@@ -39,9 +39,8 @@ _CHANNEL_NAMES = (
 )  # fmt: skip
 _PLACES = [CHANNEL[name] for name in _CHANNEL_NAMES]
 _X, _Y, _YAW, _ANGLE, _TORQUE, _MOTOR, _ACCELERATION, _LEFT, _RIGHT = range(len(_CHANNEL_NAMES))
-_REFERENCE = len(
-    _CHANNEL_NAMES
-)  # place beside them of the hand torque that the task wants; NaN where it wants none [N m]
+# Place beside them of the hand torque that the task wants; NaN where it wants none [N m]
+_REFERENCE = len(_CHANNEL_NAMES)
 _HISTORY_PLACES = [_ANGLE, _TORQUE, _MOTOR]
 
 _VIEW_LAG = 1.0  # time constant with which the view turns with the car where there is no path [s]

@@ -174,9 +174,8 @@ def test_the_reward_of_zero_action_is_not_saturated(env_id):
 
 
 RELEASE = tasks.task("AssistRelease")
-SCALE = (
-    assist_release.HELD_SHARE * assist_release.RELEASE_TIME + assist_release.FREE_TIME
-)  # largest return of an episode [s]
+# Largest return of an episode [s]
+SCALE = assist_release.HELD_SHARE * assist_release.RELEASE_TIME + assist_release.FREE_TIME
 RELEASED_CARS = ("compact", *assist_drives.OTHER_CARS)
 # Pairs of a law and a car in a test that every change needs: the extremes of a table of all.
 RELEASED = (("lugre", "compact"), ("viscous", "compact"), ("coulomb", "rear_drive_saloon"))

@@ -173,9 +173,8 @@ def other_laws(car: Car, own: Any) -> dict[str, Any]:
     for law in friction.available():
         made = friction.make(law)
         if {law} != used and law_of(made).mean_torque is not None:  # which a site needs
-            without = (
-                "" if sliding_torque(made) > LEAST_SLIDING_TORQUE else ",efficiency=1"
-            )  # of a gear, no load makes it grow
+            # Of a gear, no load makes it grow
+            without = "" if sliding_torque(made) > LEAST_SLIDING_TORQUE else ",efficiency=1"
             found[law] = friction.resolve(f"{law}{without}@{car.kind}")
     return found
 

@@ -132,9 +132,8 @@ class WholeCar:
         }
 
 
-OWN_SIMULATOR = (
-    WholeCar()
-)  # which tells a divergence by channels that are not finite; others raise an error of their own
+# Which tells a divergence by channels that are not finite; others raise an error of their own
+OWN_SIMULATOR = WholeCar()
 
 
 def build_plant(car: Car, manoeuvre: Manoeuvre, friction: Any, road_friction: float = 1.0) -> plant.Plant:
@@ -169,9 +168,8 @@ class FoundAmplitude(NamedTuple):
     growth: float  # of the logarithm of the acceleration with that of the amplitude [1]
 
 
-FAR_START_AMPLITUDE = FoundAmplitude(
-    0.2, 1.0
-)  # of a car of which nothing is known but that its response is nearly proportional
+# Of a car of which nothing is known but that its response is nearly proportional
+FAR_START_AMPLITUDE = FoundAmplitude(0.2, 1.0)
 
 
 def find_amplitude(p: plant.Plant, manoeuvre: Manoeuvre, simulator: Simulator = OWN_SIMULATOR) -> float:
