@@ -109,7 +109,7 @@ def test_results_of_another_program_are_refused_and_nobody_elses_files_deleted(t
 
 def test_keys_tell_functions_cases_and_programs_apart_and_not_processes():
     case = {"law": "lugre", "values": [1.0, 2.0], "names": {"a", "b", "c"}}
-    code = f"from steer_env.experiments.sweep.sweep import key_of; print(key_of('m:f', {case!r}))"
+    code = f"from steer_env.experiments.sweep.sweep import case_key; print(case_key('m:f', {case!r}))"
     command = [sys.executable, "-c", code]
     found = {subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip() for _ in range(2)}
     assert found == {case_key("m:f", case)}

@@ -103,7 +103,7 @@ def test_compiled_equals_plain_python(monkeypatch):
         for point in points
         for wheel in (kinematics_table.left_knuckle, kinematics_table.right_knuckle)
     ]
-    for name in ("_cell", "_weights", "_row", "_patch", "_splines_and_weights", "left", "right"):
+    for name in ("_cell", "_weights", "_row", "_patch", "_splines_and_weights", "left_knuckle", "right_knuckle"):
         function = getattr(kinematics_table, name)
         monkeypatch.setattr(kinematics_table, name, getattr(function, "py_func", function))
     plain = [
