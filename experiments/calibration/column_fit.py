@@ -454,9 +454,9 @@ def _least(times: Array, of: tuple[Array, Array], step: Array, bounds: tuple[Arr
 
 
 def _at_limits(terms: Mapping[str, float]) -> list[str]:
-    """Terms that ended at a limit of the search that is no limit of what there can be, as zero is."""
+    """Terms that ended within a hundredth of a limit of the search, other than zero, which limits what there can be."""
     return [
         name
         for name, value in terms.items()
-        if any(end and abs(value - end) < make_term(name).step for end in make_term(name)[1:3])
+        if any(end and abs(value - end) < max(make_term(name).step, 0.01 * abs(end)) for end in make_term(name)[1:3])
     ]
