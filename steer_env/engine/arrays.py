@@ -1,5 +1,6 @@
 """The arrays of a batch of environments, and what all its rows have in common."""
 
+import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -61,7 +62,9 @@ class BatchArrays(NamedTuple):
     finite: NDArray[np.bool_]  # (n,) whether every state is finite
     inputs: Array  # (n, samples of a round, I)
     channels: Array  # (n, C)
-    scripted_inputs: Array  # (n, U, inputs that the task scripts) at each update
+    scripted_inputs: Array  # (n, U, inputs that the task scripts) at each update; of a shared script, at two of them
+    factors: Array  # (2, U, inputs that the task scripts) of the script that rows share, if there is one
+    scales: Array  # (n,) of the shared script; NaN where a row has one of its own
     paths: Array  # (n, P, 4) as steer_env.courses.path.from_curvature gives them
     task_data: Array  # (n, V) numbers of the episode, as the task lays them out
     task_memory: Array  # (n, M) what the task's kernels remember
@@ -136,6 +139,8 @@ def allocate(task: Task, template: Plant, n: int, samples: int, delay_steps: int
         inputs=np.zeros((n, samples_per_round(samples), len(INPUTS))),
         channels=np.zeros((n, channels)),
         scripted_inputs=np.zeros((n, 2, len(task.scripted_inputs))),
+        factors=np.zeros((2, 0, len(task.scripted_inputs))),
+        scales=np.full(n, math.nan),
         paths=np.zeros((n, 0, 4)),
         task_data=np.zeros((n, 0)),
         task_memory=np.zeros((n, task.memory_size)),

@@ -32,6 +32,7 @@ from steer_env.tasks.common.definition import (
     EpisodeContext,
     EpisodeSetup,
     Scenery,
+    Script,
     Task,
 )
 from steer_env.vehicle import cars, plant
@@ -341,7 +342,12 @@ class EnvironmentBatch:
         self.over[i] = True  # until it has begun: another row, or its own plant, may be refused
         path = np.zeros((0, 4)) if setup.path is None else setup.path
         data = np.zeros(0) if setup.data is None else setup.data
-        setups = {"scripted_inputs": setup.scripted_inputs[None], "paths": path[None], "task_data": data[None]}
+        script, setups = setup.scripted_inputs, {"paths": path[None], "task_data": data[None]}
+        if isinstance(script, Script) and self._shares(script.factors):
+            updates, self.arrays.scales[i] = script.factors.shape[1], script.scale
+        else:
+            setups["scripted_inputs"] = setup.inputs()[None]
+            updates, self.arrays.scales[i] = setups["scripted_inputs"].shape[1], math.nan
         self.arrays = a = stored(self.arrays, slice(i, i + 1), setups)
         robot = self.task.robot if setup.robot is None else setup.robot
         driven = self.driver is not None and not robot
@@ -352,7 +358,7 @@ class EnvironmentBatch:
         else:
             a.plants[i] = numbers(self._plant(drawn, robot, self.driver if driven else None))
         episode = np.zeros((), EPISODE)
-        episode["end"] = (len(setup.scripted_inputs) - 1) * SAMPLES_PER_UPDATE
+        episode["end"] = (updates - 1) * SAMPLES_PER_UPDATE
         episode["release"] = -1 if setup.release_time is None else round(setup.release_time / SAMPLE_TIME)
         episode["path_points"], episode["data_size"] = len(path), len(data)
         episode["speed"] = episode["held_speed"] = drawn.speed
@@ -362,6 +368,23 @@ class EnvironmentBatch:
         self.episodes[i] = episode
         a.task_memory[i] = a.metrics[i] = a.terms[i] = 0.0
         a.finite[i] = True
+
+    def _shares(self, factors: Array) -> bool:
+        """Whether a script is the one that the rows share: the first that comes."""
+        if not self.arrays.factors.size:
+            self.arrays = self.arrays._replace(factors=np.array(factors, order="C"))
+        return np.array_equal(self.arrays.factors, factors)
+
+    def scripts(self) -> Array:
+        """The scripted inputs (n, U, M) of every row, those of the shared script too."""
+        a = self.arrays
+        shared = np.flatnonzero(~np.isnan(a.scales)).tolist()
+        updates = max(a.scripted_inputs.shape[1], a.factors.shape[1] if shared else 0)
+        found = np.zeros((self.n, updates, a.factors.shape[2]))
+        found[:, : a.scripted_inputs.shape[1]] = a.scripted_inputs
+        for i in shared:
+            found[i, : a.factors.shape[1]] = Script(a.factors, a.scales[i]).inputs()
+        return found
 
     def _runs_as_usual(self, drawn: Conditions) -> bool:
         """Whether a car begins as where nothing is drawn: friction does not act straight ahead."""

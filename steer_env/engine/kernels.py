@@ -83,13 +83,19 @@ def _fill_inputs(arrays, layout, begins, low, high):
         free = episode.release >= 0 and episode.sample >= episode.release
         if free:
             arrays.plants[i, layout.robot] = 0.0
+        shares = not math.isnan(arrays.scales[i])
+        updates = arrays.factors.shape[1] if shares else arrays.scripted_inputs.shape[1]
+        update = within(episode.sample // SAMPLES_PER_UPDATE, 0, updates - 2)  # no round goes beyond it
+        place = 0 if shares else update
+        start, end = arrays.scripted_inputs[i, place], arrays.scripted_inputs[i, place + 1]
+        if shares:
+            _script(arrays.factors, arrays.scales[i], update, start)
+            _script(arrays.factors, arrays.scales[i], update + 1, end)
         for j in range(arrays.inputs.shape[1]):
             u, sample = arrays.inputs[i, j], episode.sample + j + 1
             for k in range(u.size):
                 u[k] = 0.0
-            update = within((sample - 1) // SAMPLES_PER_UPDATE, 0, arrays.scripted_inputs.shape[1] - 2)
             s = (sample - update * SAMPLES_PER_UPDATE) / SAMPLES_PER_UPDATE
-            start, end = arrays.scripted_inputs[i, update], arrays.scripted_inputs[i, update + 1]
             _interpolate(layout.scripted, start, end, s, episode.driven == 0, u)
             if free:
                 u[HAND] = 0.0
@@ -97,6 +103,13 @@ def _fill_inputs(arrays, layout, begins, low, high):
             asked = layout.action_scale * episode.action_gain * _present_action(layout, episode, sample)
             episode.asked = asked + episode.action_kept * (episode.asked - asked)
             u[layout.action_input] += episode.asked
+
+
+@kernel
+def _script(factors, scale, update, values):
+    """Values of a shared script at an update, as :class:`steer_env.tasks.common.definition.Script` has them."""
+    for k in range(values.size):
+        values[k] = scale * factors[0, update, k] * factors[1, update, k]
 
 
 @kernel

@@ -5,6 +5,7 @@ plain numbers, text and arrays alone, so that it can be stored, and it carries a
 """
 
 import hashlib
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
@@ -21,6 +22,7 @@ from steer_env.friction.numerics.packing import numbers
 from steer_env.friction.sites import friction_name
 from steer_env.registration import id_of
 
+_APART = ("episodes", "factors", "scales")  # arrays of a batch that a state has in another form
 VERSION = 2  # of the format and of the meaning of what it holds: raised when either changes
 Generators: TypeAlias = tuple[tuple[np.random.Generator, int], ...]  # of each sub-environment, with its seed
 
@@ -104,8 +106,13 @@ def _digest(values: Sequence[Any]) -> str:
 
 def copy_state(batch: EnvironmentBatch, generators: Generators | None) -> State:
     """The state of a batch, with the random generators of its rows or without."""
-    arrays = {name: np.array(values) for name, values in batch.arrays._asdict().items() if name != "episodes"}
-    arrays |= {"episodes": batch.episodes.copy(), "over": batch.over.copy(), "noise_factor": batch.noise.factor.copy()}
+    arrays = {name: np.array(values) for name, values in batch.arrays._asdict().items() if name not in _APART}
+    arrays |= {
+        "scripted_inputs": batch.scripts(),
+        "episodes": batch.episodes.copy(),
+        "over": batch.over.copy(),
+        "noise_factor": batch.noise.factor.copy(),
+    }
     if batch.drivers is not None:
         a = batch.drivers.arrays
         arrays |= {f"driver_{name}": getattr(a, name).copy() for name in ("gains", "feed_forward", "memory")}
@@ -134,8 +141,9 @@ def restore(batch: EnvironmentBatch, state: State) -> Generators | None:
     held = state.arrays
     batch.arrays = stored(batch.arrays, slice(None), {name: held[name] for name in SETUP})
     for name, values in batch.arrays._asdict().items():
-        if name not in (*SETUP, "episodes"):
+        if name not in (*SETUP, *_APART):
             values[:] = held[name]
+    batch.arrays.scales[:] = math.nan
     batch.episodes[:], batch.over[:] = held["episodes"], held["over"]
     if batch.drivers is not None:
         batch.drivers.size_gains(held["driver_gains"].shape[1])

@@ -74,8 +74,9 @@ def _draw_setup(rng: np.random.Generator, context: EpisodeContext, options: Mapp
     else:
         setup = SCENARIO_TASKS[context.scenario].draw_setup(rng, context, own)
     data = np.zeros(0) if setup.data is None else setup.data
-    given = np.zeros((len(setup.scripted_inputs), len(scripted.HANDS)))
-    given[:, : setup.scripted_inputs.shape[1]] = setup.scripted_inputs
+    own_inputs = setup.inputs()
+    given = np.zeros((len(own_inputs), len(scripted.HANDS)))
+    given[:, : own_inputs.shape[1]] = own_inputs
     return setup._replace(
         scripted_inputs=given, data=np.append(context.scenario, data), robot=SCENARIO_TASKS[context.scenario].robot
     )

@@ -15,6 +15,7 @@ from steer_env.tasks.common.definition import (
     GOES_ON,
     EpisodeContext,
     EpisodeSetup,
+    Script,
     Task,
     register,
 )
@@ -40,7 +41,7 @@ class Weave(NamedTuple):
 
 def _draw_setup(rng: np.random.Generator, context: EpisodeContext, options: Mapping[str, float]) -> EpisodeSetup:
     amplitude = TASK.draw_option(rng, options, "amplitude", *AMPLITUDES)
-    return EpisodeSetup(scripted.hand_motion(MANOEUVRE, amplitude, DURATION))
+    return EpisodeSetup(Script(scripted.sine_factors(MANOEUVRE.frequency, DURATION), amplitude))
 
 
 @kernel

@@ -1,6 +1,8 @@
 """Infos: the same keys and types at reset, at every step and at the end, single and vector."""
 
+import copy
 import math
+import pickle
 
 import gymnasium as gym
 import numpy as np
@@ -119,6 +121,43 @@ def test_infos_are_the_callers_own():
     for key in ("lateral_offset", "conditions"):
         assert key not in info or info[key] is not vector.step(np.zeros((2, 1), np.float32))[4][key]
     assert equal(info["conditions"], kept)
+
+
+def vector_info():
+    vector = gym.make_vec(WEAVE, num_envs=2)
+    vector.reset(seed=0)
+    return vector.step(np.full((2, 1), 0.1, np.float32))[4]
+
+
+WHOLE_INFO = [
+    ("iterated", lambda info: dict(zip(info, info.values()))),
+    ("unpacked", lambda info: {**info}),
+    ("merged", lambda info: {} | info),
+    ("copied", copy.copy),
+    ("pickled", lambda info: pickle.loads(pickle.dumps(info))),
+    ("in order after a look at one", lambda info: [info["cost"], dict(info)][1]),
+]
+
+
+@pytest.mark.parametrize("read", [read for _, read in WHOLE_INFO], ids=[name for name, _ in WHOLE_INFO])
+def test_vector_infos_are_whole_however_they_are_read(read):
+    expected, found = dict(vector_info().items()), read(vector_info())
+    assert type(found) is dict
+    assert list(found) == list(expected)
+    assert equal(found, expected)
+
+
+def test_a_vector_info_changes_like_any_dict():
+    info = vector_info()
+    info["own"] = 1
+    info["cost"] = None
+    del info["failure"]
+    assert "failure" not in info
+    assert info.get("failure", 7) == 7
+    assert info.pop("_cost").all()
+    assert (info["cost"], list(info)[-1]) == (None, "own")
+    with pytest.raises(KeyError, match="none"):
+        info["none"]
 
 
 def test_conditions_tell_what_was_drawn_and_set():

@@ -326,11 +326,11 @@ def test_scenarios_of_the_all_round_task_are_those_of_its_parts():
     """A weave of AssistAllRound is the AssistWeave of the same car, speed and amplitude."""
     whole = gym.make("steer_env/AssistAllRound-v3").unwrapped
     whole.reset(seed=SEED, options={"scenario": 0})
-    row, data = whole.batch.episodes[0], whole.batch.arrays.scripted_inputs[0]
+    row, data = whole.batch.episodes[0], whole.batch.scripts()[0]
     amplitude = float(np.abs(data[:, 0]).max())
     part = gym.make("steer_env/AssistWeave-v3", chassis="two_track", speed=float(row["held_speed"])).unwrapped
     part.reset(seed=SEED, options={"amplitude": amplitude})
-    scale = float(np.abs(part.batch.arrays.scripted_inputs[0][:, 0]).max()) / amplitude
+    scale = float(np.abs(part.batch.scripts()[0][:, 0]).max()) / amplitude
     part.reset(seed=SEED, options={"amplitude": amplitude / scale})
     action = np.array([0.05], np.float32)
     for _ in range(300):

@@ -8,14 +8,21 @@ Array = NDArray[np.float64]
 
 def sine(t: Array, amplitude: float, frequency: float) -> tuple[Array, Array]:
     """Value and rate of a sine whose amplitude grows over the first cycle, so that the handwheel starts smoothly."""
+    (envelope, rate), (wave, _) = sine_factors(t, frequency)
+    return amplitude * envelope * wave, amplitude * rate
+
+
+def sine_factors(t: Array, frequency: float) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """Factors that :func:`sine` multiplies an amplitude by, those of the value and of the rate: first ones, then ones.
+
+    In this order, so that a script that is made of them is that of the manoeuvre to the bit.
+    """
     omega = 2.0 * np.pi * frequency
     s = np.clip(t * frequency, 0.0, 1.0)
     envelope = s * s * (3.0 - 2.0 * s)
     growth = 6.0 * s * (1.0 - s) * frequency
-    return (
-        amplitude * envelope * np.sin(omega * t),
-        amplitude * (envelope * omega * np.cos(omega * t) + growth * np.sin(omega * t)),
-    )
+    wave = np.sin(omega * t)
+    return (envelope, envelope * omega * np.cos(omega * t) + growth * wave), (wave, np.ones(t.size))
 
 
 def ramp_and_hold(t: Array, amplitude: float, rise: float) -> tuple[Array, Array]:

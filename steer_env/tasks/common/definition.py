@@ -155,15 +155,31 @@ class EpisodeContext(NamedTuple):
     scenario: int = 0  # drawn by ``draw_scenario``
 
 
+class Script(NamedTuple):
+    """Scripted inputs that episodes share but for a factor: no episode has an array of its own."""
+
+    factors: Array  # (2, U, M)
+    scale: float  # by which the first ones are multiplied; the second ones multiply the result
+
+    def inputs(self) -> Array:
+        """The inputs (U, M)."""
+        return self.scale * self.factors[0] * self.factors[1]
+
+
 class EpisodeSetup(NamedTuple):
     """What is particular to one episode."""
 
-    scripted_inputs: Array  # (U, M) at every update of 10 ms from the start, columns as the task's ``scripted_inputs``
+    # (U, M) at every update of 10 ms from the start, columns as the task's ``scripted_inputs``
+    scripted_inputs: Array | Script
     path: Array | None = None  # (P, 4) as :func:`steer_env.courses.path.from_curvature`
     data: Array | None = None  # (V,) numbers that the kernels need of the episode, as the task lays them out
     pose: tuple[float, float, float] = (0.0, 0.0, 0.0)  # start: x, y [m], yaw angle [rad]
     release_time: float | None = None  # time from which on nobody holds the handwheel [s]
     robot: bool | None = None  # whether the handwheel angle is prescribed; by default as the task says
+
+    def inputs(self) -> Array:
+        """The scripted inputs (U, M)."""
+        return self.scripted_inputs.inputs() if isinstance(self.scripted_inputs, Script) else self.scripted_inputs
 
 
 class Scenery(NamedTuple):
