@@ -80,6 +80,7 @@ def build_page(found: Results) -> tuple[Page, dict[str, Any]]:
         "plants": [(p.name.replace("_", " "), _ratio(p.ratio), number(1e9 * p.seconds.median)) for p in found.plants],
         "of_plant": [(TRACKS[chassis], *_largest(found, chassis)) for chassis in cars.SPEEDS],
         "of_step": [(s.name, TRACKS[s.chassis], _ratio(Estimate(*(100.0 * x for x in s.share)))) for s in found.shares],
+        "compiled": [(f"{rows:,}", each.median) for rows, each in found.compiled],
         "starts": [
             (name.replace("_", " "), "" if math.isnan(c) else number(c), number(w)) for name, c, w in found.starts
         ],

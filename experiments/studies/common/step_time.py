@@ -43,6 +43,7 @@ TASK = "AssistWeave"
 CONTROL = 0.01  # control step of the environments, ten steps of the plant [s]
 ROW_COUNTS, THREAD_COUNTS = (1, 16, 256, 4096), (1, 2)
 OWN_FRICTION, TIMED_LAWS = "own friction", ("lugre", "masing", "coulomb")
+SHARED_ROWS = (1, 8, 32, 256)  # of which the share of the compiled call in a step is told
 ROUNDS, LEAST_ROUNDS = 200, 10
 FRICTION = "friction"  # the law alone, among the plants
 ONE_TRACK = "single_track"  # over whose plant others are
@@ -98,6 +99,13 @@ class Share(NamedTuple):
     share: Estimate  # [1]
 
 
+class Compiled(NamedTuple):
+    """What the compiled call takes of a step of a vector environment in one thread."""
+
+    rows: int
+    share: Estimate  # [1]
+
+
 class Start(NamedTuple):
     """Time of a new process until the end of its first step [s]."""
 
@@ -112,6 +120,7 @@ class Results(NamedTuple):
     times: list[Time]
     plants: list[PlantTime]
     shares: list[Share]
+    compiled: list[Compiled]
     starts: list[Start]
     notes: list[str]  # what is not installed
 
@@ -261,7 +270,7 @@ def _newest(name: str) -> str:
 
 def measure(
     given: Iterable[Case], most: float, notify: Callable[[float], None] = lambda part: None
-) -> tuple[list[Time], list[PlantTime], list[Share]]:
+) -> tuple[list[Time], list[PlantTime], list[Share], list[Compiled]]:
     """Time cases, plants, their parts and right-hand sides in turns for some seconds; with the memory of a row.
 
     One of the cases is that of ``CART``.
@@ -281,6 +290,7 @@ def measure(
         [Time(case, estimate(times[case]), of_base[case], memory[case]) for case in memory],
         [PlantTime(name, estimate(times[name]), of_plant[name]) for name in (*whole, *foreign)],
         _shares(times),
+        [Compiled(rows, estimate(compiled_shares(rows))) for rows in SHARED_ROWS],
     )
 
 
@@ -298,6 +308,30 @@ def _shares(times: Mapping[Case | str, list[float]]) -> list[Share]:
         each["rest of the plant"] = plants - sum(each.values())
         each[AROUND_PLANT] = np.array(step) - plants
         found += [Share(chassis, name, estimate(list(of / step))) for name, of in each.items()]
+    return found
+
+
+def compiled_shares(rows: int, rounds: int = ROUNDS) -> list[float]:
+    """Shares of the compiled call in the steps of a vector environment, one for each run, with resets [1]."""
+    env = gym.make_vec(id_of(TASK), rows, vectorization_mode="vector_entry_point", control_dt=CONTROL, threads=1)
+    batch: Any = env.unwrapped.batch  # type: ignore[attr-defined]
+    step, within = batch.step, [0.0]
+
+    def timed(*arguments: Any) -> Any:
+        start = time.perf_counter()
+        found = step(*arguments)
+        within[0] += time.perf_counter() - start
+        return found
+
+    batch.step = timed
+    env.reset(seed=0)
+    action, steps, found = np.zeros((rows, 1), np.float32), max(64 // rows, 1), list[float]()
+    with no_garbage_collection():
+        for _ in range(rounds):
+            within[0] = 0.0
+            whole = rows * steps * _steps(env, action, rows, steps)
+            found.append(within[0] / whole)
+    env.close()
     return found
 
 
@@ -391,6 +425,7 @@ def as_json(found: Results) -> dict[str, Any]:
         "shares_of_a_step": [
             {"chassis": chassis, "part": name, "share": share._asdict()} for chassis, name, share in found.shares
         ],
+        "compiled_share_of_a_vector_step": {str(rows): share._asdict() for rows, share in found.compiled},
         "first_step_s": {
             name: {"cold": None if math.isnan(cold) else cold, "warm": warm} for name, cold, warm in found.starts
         },
