@@ -59,6 +59,17 @@ class Infos:
         self._every = np.ones(batch.n, bool)
         self._every.flags.writeable = False  # all infos share it
         self.told = self.room()
+        self._batch, self._conditions = batch, dict[str, float]()
+        self._drawn: Any = None  # the conditions that ``_conditions`` holds by name
+        self._view()
+
+    def _view(self) -> None:
+        """What changes at every step of the first row, but for what is drawn at its start."""
+        self._seen = self.told[: self._size - len(self._groups["conditions"]), 0]
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._view()  # a copied view is an array of its own
 
     def room(self) -> NDArray[np.float64]:
         """Memory (K, n) for what infos are made of."""
@@ -71,14 +82,19 @@ class Infos:
         groups = self._groups
         if self._level == "metrics":
             return {"metrics": {name: self.told.item(i, 0) for name, i in self._places["metrics"].items()}}
-        values = iter(self.told.ravel().tolist())
+        drawn = self._batch.conditions[0]
+        if drawn is not self._drawn:
+            first = min(self._places["conditions"].values())
+            self._drawn = drawn
+            self._conditions = dict(zip(groups["conditions"], self.told[first:, 0].tolist()))
+        values = iter(self._seen.tolist())
         info: dict[str, Any] = dict(zip(self._channels, values))
         info["reward_terms"] = dict(zip(groups["reward_terms"], values))
         info["cost_terms"] = dict(zip(groups["cost_terms"], values))
         info["metrics"] = dict(zip(groups["metrics"], values))
-        cost, failure = next(values), int(next(values))
-        info["conditions"] = dict(zip(groups["conditions"], values))
-        info["cost"], info["failure"] = cost, failure
+        info["conditions"] = self._conditions.copy()
+        info["cost"], failure = values
+        info["failure"] = int(failure)
         return info
 
     def of_all(self, told: NDArray[np.float64], mask: Mask | None = None) -> dict[str, Any]:
