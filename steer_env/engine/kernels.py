@@ -190,15 +190,21 @@ def _end(episodes, over, low, high):
 
 @kernel
 def _tell(arrays, conditions, told, low, high):
-    """Write what infos are made of, in the order of :func:`step`."""
+    """Write what infos are made of, in the order of :func:`step`; line by line, as lines of many rows lie far apart."""
+    n = 0
+    for values in (arrays.channels, arrays.terms):
+        for k in range(values.shape[1]):
+            for i in range(low, high):
+                told[n + k, i] = values[i, k]
+        n += values.shape[1]
+    for k in range(arrays.metrics.shape[2]):
+        for i in range(low, high):
+            told[n + k, i] = arrays.metrics[i, 2, k]
+    n += arrays.metrics.shape[2]
     for i in range(low, high):
-        n, episode = 0, arrays.episodes[i]
-        for values in (arrays.channels[i], arrays.terms[i], arrays.metrics[i, 2]):
-            for k in range(values.size):
-                told[n + k, i] = values[k]
-            n += values.size
-        told[n, i], told[n + 1, i] = episode.cost, episode.failure
-        for k in range(conditions.shape[1]):
+        told[n, i], told[n + 1, i] = arrays.episodes[i].cost, arrays.episodes[i].failure
+    for k in range(conditions.shape[1]):
+        for i in range(low, high):
             told[n + 2 + k, i] = conditions[i, k]
 
 
