@@ -169,8 +169,8 @@ class Script(NamedTuple):
 class EpisodeSetup(NamedTuple):
     """What is particular to one episode."""
 
-    # (U, M) at every update of 10 ms from the start, columns as the task's ``scripted_inputs``
-    scripted_inputs: Array | Script
+    # At every update of 10 ms from the start, columns as the task's ``scripted_inputs``.
+    scripted_inputs: Array | Script  # (U, M)
     path: Array | None = None  # (P, 4) as :func:`steer_env.courses.path.from_curvature`
     data: Array | None = None  # (V,) numbers that the kernels need of the episode, as the task lays them out
     pose: tuple[float, float, float] = (0.0, 0.0, 0.0)  # start: x, y [m], yaw angle [rad]
