@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from steer_env import friction
 from steer_env import recording as recordings
 from steer_env.experiments.cli.main import main
 from steer_env.experiments.studies.common import comparison_power, explanation, simulation_vs_measurement
@@ -82,6 +83,19 @@ def test_the_suggested_car_can_be_validated(clean, stiff, tmp_path, monkeypatch,
     assert main(shlex.split(again)[1:]) == 0
     assert main(["validate", "car.csv", "model.csv", "--suggest", "own.json"]) == 2
     assert "a car file ends in .toml" in capsys.readouterr().err
+
+
+def test_a_suggested_law_whose_parameters_are_arrays_is_written(clean, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(explanation, "PARAMETERS", (BY_NAME["friction"],))
+    monkeypatch.setattr(comparison_power, "other_laws", lambda car, law: {"gms": friction.make("gms")})
+    soft = pairs.own()._replace(law=friction.make("gms", F_c=1.5))
+    monkeypatch.chdir(tmp_path)
+    for name, found in (("car", pairs.logged("sine", soft, {}, np.random.default_rng(4))), ("model", clean)):
+        recordings.write(found, tmp_path / f"{name}.csv")
+    assert main(["validate", "car.csv", "model.csv", "--suggest", "own.toml"]) == 1
+    assert "--friction own_friction.json" in capsys.readouterr().out
+    written = json.loads((tmp_path / "own_friction.json").read_text(encoding="utf-8"))
+    assert friction.law_of(friction.resolve(written["friction"])).name == "gms"
 
 
 def test_without_a_car_to_drive_there_is_no_explanation(clean, stiff):

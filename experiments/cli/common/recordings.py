@@ -192,7 +192,7 @@ def _suggest(found: Any, args: argparse.Namespace) -> None:
     car, law = explanation.suggested(found.nearest)
     cars.write(car, args.suggest)
     words = ["steer-env", "validate", args.measured, str(args.suggest)]
-    if law != friction.resolve(car.friction):
+    if friction.as_mapping(law) != friction.as_mapping(friction.resolve(car.friction)):
         beside = args.suggest.with_name(f"{args.suggest.stem}_friction.json")
         write_json(beside, {"friction": friction.as_mapping(law)})
         words += ["--friction", str(beside)]
