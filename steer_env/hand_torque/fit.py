@@ -469,26 +469,53 @@ def best(tables: Sequence[Table], times: Sequence[Array], points: Iterable[Point
 
     ``times`` (B,) says how often a block of a drive counts.
     """
-    sums = [np.tensordot(each, table.G, 1) for each, table in zip(times, tables)]
+    points = list(points)
+    return _best(tables, times, points, names, _all_places(tables, points, names))
+
+
+def _best(
+    tables: Sequence[Table],
+    times: Sequence[Array],
+    points: Sequence[Point],
+    names: tuple[str, ...],
+    places: Sequence[NDArray[np.int64]],
+) -> Solved:
+    """The same with the places of the points in the tables.
+
+    What a point leaves with coefficients of either sign is the least that it can leave: points are taken in that order,
+    until none of the rest can leave less than the best.
+    """
+    free = len(tables)
+    sums = _of_points([np.tensordot(each, table.G, 1) for each, table in zip(times, tables)], places)
+    roots, sides, size = _roots(sums)
+    least = sums[:, -1, -1] - np.einsum("pi,pi->p", sides, sides)
     found: Solved | None = None
-    for point in points:
-        A = _of_point(tables, sums, point, names)
-        p = _solved(A, len(tables))
-        left = float(np.append(p, -1.0) @ A @ np.append(p, -1.0))
+    for i in np.argsort(least, kind="stable").tolist():
+        if found is not None and least[i] > found.left:
+            break
+        p = not_negative_factors(roots[i], sides[i], np.arange(size.shape[1]) < free) / size[i]
+        left = float(np.append(p, -1.0) @ sums[i] @ np.append(p, -1.0))
         if found is None or left < found.left:
-            found = Solved(point, names, p[: len(tables)], p[len(tables) :], left)
+            found = Solved(points[i], names, p[:free], p[free:], left)
     assert found is not None
     return found
 
 
-def _of_point(tables: Sequence[Table], sums: Sequence[Array], point: Point, names: tuple[str, ...]) -> Array:
-    """Sums of all drives at a point of the grid: an offset of each drive, the shared terms, the torque."""
-    n, m = len(tables), len(names)
-    A = np.zeros((n + m + 1, n + m + 1))
-    for i, (table, of) in enumerate(zip(tables, sums)):
-        at, into = _places(table, i, point, names), np.array([i, *range(n, n + m + 1)])
-        A[np.ix_(into, into)] += of[np.ix_(at, at)]
-    return A
+def _all_places(
+    tables: Sequence[Table], points: Sequence[Point], names: tuple[str, ...]
+) -> list[NDArray[np.int64]]:
+    """Places (P, n) of the terms of all points in each table."""
+    return [np.array([_places(table, i, point, names) for point in points]) for i, table in enumerate(tables)]
+
+
+def _of_points(sums: Sequence[Array], places: Sequence[NDArray[np.int64]]) -> Array:
+    """Sums of all drives at points of the grid (P, n, n): an offset of each drive, the shared terms, the torque."""
+    n, (count, width) = len(sums), places[0].shape
+    found = np.zeros((count, n + width - 1, n + width - 1))
+    for i, (of, at) in enumerate(zip(sums, places)):
+        into = np.array([i, *range(n, n + width - 1)])
+        found[:, into[:, None], into] += of[at[:, :, None], at[:, None, :]]
+    return found
 
 
 def _places(table: Table, i: int, point: Point, names: tuple[str, ...]) -> list[int]:
@@ -496,18 +523,16 @@ def _places(table: Table, i: int, point: Point, names: tuple[str, ...]) -> list[
     return [table.at[("T_0",)], *(table.at[_key(name, point.roads[i], point)] for name in names), -1]
 
 
-def _solved(A: Array, free: int) -> Array:
-    """Coefficients of least squares from sums of products (m + 1, m + 1), the last of which are with the torque.
+def _roots(sums: Array) -> tuple[Array, Array, Array]:
+    """Least squares of sums of products (P, m + 1, m + 1), the last of which are with the torque, as R p = y.
 
-    The first ``free`` may have either sign, the others are not negative.
+    R (P, m, m), with R'R the sums of the other terms, y (P, m), and the sizes (P, m) that all is divided by.
     """
-    G, h = A[:-1, :-1], A[:-1, -1]
-    size = np.sqrt(np.maximum(np.diag(G), 1e-12))
-    values, vectors = np.linalg.eigh(G / np.outer(size, size))
+    G, h = sums[:, :-1, :-1], sums[:, :-1, -1]
+    size = np.sqrt(np.maximum(np.einsum("pii->pi", G), 1e-12))
+    values, vectors = np.linalg.eigh(G / (size[:, :, None] * size[:, None, :]))
     root = np.sqrt(np.maximum(values, 1e-12))
-    R = root[:, None] * vectors.T  # R'R = G
-    y = (vectors.T @ (h / size)) / root
-    return not_negative_factors(R, y, np.arange(size.size) < free) / size
+    return root[:, :, None] * vectors.swapaxes(1, 2), np.einsum("pij,pi->pj", vectors, h / size) / root, size
 
 
 def block_residuals(tables: Sequence[Table], solved: Solved) -> list[Array]:
@@ -602,9 +627,8 @@ def _work(
         return {}
 
     def shares(solved: Solved, times: Sequence[Array]) -> Array:
-        A = _of_point(
-            tables, [np.tensordot(each, of.G, 1) for each, of in zip(times, tables)], solved.point, solved.names
-        )
+        sums = [np.tensordot(each, of.G, 1) for each, of in zip(times, tables)]
+        A = _of_points(sums, _all_places(tables, [solved.point], solved.names))[0]
         rate = A[len(tables) + solved.names.index("C")]  # sums with the speed of the handwheel
         terms = dict(zip(solved.names, solved.p * rate[len(tables) : -1]))
         work = np.array([terms.get("level", 0.0), terms["k_s"], terms["C"]])
@@ -731,8 +755,9 @@ def _changes(parts: _Parts, found: Identified) -> dict[str, tuple[float, Interva
             for drive, block, model, of in zip(drives, parts.block, row.models, sizes)
         ]  # fmt: skip
         points = [Point(parts.roads, row.model.a_c, row.model.relaxation, unit) for unit in units]
-        whole = best(tables, parts.whole, points, names)
-        draws = [best(tables, [t[k] for t in parts.draws], points, names) for k in range(DRAWS)]
+        places = _all_places(tables, points, names)
+        whole = _best(tables, parts.whole, points, names, places)
+        draws = [_best(tables, [t[k] for t in parts.draws], points, names, places) for k in range(DRAWS)]
         grown = np.array([each.point.unit[2] * each.p[-1] for each in draws]) / reach
         value = whole.point.unit[2] * float(whole.p[-1]) / reach
         low, high = _bootstrap_interval(value, grown, parts.count, free=True)
