@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -84,12 +85,9 @@ def _smoothed(x: NDArray, noise: float, windows: Sequence[int]) -> tuple[NDArray
     The mean square error is ``mean((x - smooth)^2) + 2 noise^2 w`` less a constant, with the weight w of a sample in
     its own polynomial.
     """
-    from scipy.signal import savgol_coeffs  # imported here, as below
-
     tried, risks = [], []
     for window in sorted({min(each, x.size - 1 + x.size % 2) for each in windows}):
-        smooth = _local(x, window) if window > ORDER else x
-        own = savgol_coeffs(window, ORDER)[window // 2] if window > ORDER else 1.0
+        smooth, own = _local(x, window) if window > ORDER else (x, 1.0)
         tried.append((smooth, window))
         risks.append(np.mean((x - smooth) ** 2) + 2.0 * noise**2 * own)
     return tried[int(np.argmin(risks))]
@@ -117,7 +115,19 @@ def _monotone(x: NDArray) -> NDArray[np.float64]:
     return isotonic_regression(x, increasing=bool(x[-1] > x[0])).x
 
 
-def _local(x: NDArray, window: int) -> NDArray[np.float64]:
-    from scipy.signal import savgol_filter  # imported here, as above
+def _local(x: NDArray, window: int) -> tuple[NDArray[np.float64], float]:
+    """Local polynomials of a window, which at the ends are those of the outermost one, and the weight of a sample in
+    its own.
 
-    return np.asarray(savgol_filter(x, window, ORDER, mode="interp"))
+    scipy's filter fits the polynomials of the ends anew in every call, which was most of its time.
+    """
+    Q, half = _polynomials(window), window // 2
+    middle = Q @ Q[half]
+    start, end = Q[:half] @ (Q.T @ x[:window]), Q[half + 1 :] @ (Q.T @ x[-window:])
+    return np.concatenate([start, np.convolve(x, middle, "valid"), end]), float(middle[half])
+
+
+@cache
+def _polynomials(window: int) -> NDArray[np.float64]:
+    """Orthonormal polynomials up to ``ORDER`` over a window, (window, ORDER + 1)."""
+    return np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, window), ORDER + 1))[0]

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -73,15 +74,36 @@ class Optimum(NamedTuple):
         return _slope(self.residual, self.loss_scale)
 
 
-def residuals(problem: Problem, space: Space, q: NDArray, prior: float) -> NDArray[np.float64]:
+class Course:
+    """Torque of a law along a record (T,) [1] at coordinates, and how far those are from what the law allows.
+
+    The last ones are kept: a search asks again for where it is, and the factors of columns do not move the law.
+    """
+
+    def __init__(self, problem: Problem, space: Space) -> None:
+        self._kept = lru_cache(maxsize=space.size + 2)(partial(self._follow, problem, space))
+
+    def __call__(self, q: NDArray) -> tuple[NDArray[np.float64], float]:
+        return self._kept(q.tobytes())
+
+    @staticmethod
+    def _follow(problem: Problem, space: Space, q: bytes) -> tuple[NDArray[np.float64], float]:
+        at = np.frombuffer(q)
+        parameters, outside = space.made(at)
+        return problem.at(space.level(at)).response(space.law, parameters), outside
+
+
+def residuals(
+    problem: Problem, space: Space, q: NDArray, prior: float, course: Course | None = None
+) -> NDArray[np.float64]:
     """Residuals at the weighed samples (F31), and rows that keep the search near.
 
     One row draws it back into the range that the law allows; the others, of weight ``prior``, hold a coordinate at its
     start that the record does not determine.
     """
     n = space.size
-    parameters, outside = space.made(q[:n])
-    model = problem.at(space.level(q[:n])).response(space.law, parameters) + problem.columns @ q[n:]
+    torque, outside = (course or Course(problem, space))(q[:n])
+    model = torque + problem.columns @ q[n:]
     e = np.nan_to_num(model - problem.torque, nan=1e6, posinf=1e6, neginf=-1e6)[problem.weighed]  # (F31)
     return np.concatenate([e, [PENALTY * math.sqrt(e.size) * outside], prior * (q[:n] - space.start)])
 
@@ -100,8 +122,10 @@ def descended(problem: Problem, space: Space, q: NDArray, loss_scale: float, *, 
     free = np.full(q.size - space.size, math.inf)
     bounds = np.append(space.lowest, -free), np.append(space.highest, free)
 
+    course = Course(problem, space)
+
     def losses(each: NDArray) -> NDArray[np.float64]:
-        e = residuals(problem, space, each, prior)
+        e = residuals(problem, space, each, prior, course)
         e[:n] = weakened(e[:n], loss_scale)
         return e
 
@@ -127,8 +151,8 @@ def descended(problem: Problem, space: Space, q: NDArray, loss_scale: float, *, 
         )
     q = found.x.copy()
     q[: space.size] = space.nearest(q[: space.size])
-    e = residuals(problem, space, q, prior)[:n]
-    slope = _slopes(lambda each: residuals(problem, space, each, 0.0)[:n], space, q, e)
+    e = residuals(problem, space, q, prior, course)[:n]
+    slope = _slopes(lambda each: residuals(problem, space, each, 0.0, course)[:n], space, q, e)
     return Optimum(q, float(found.cost), e, _slope(e, loss_scale)[:, None] * slope, loss_scale)
 
 
