@@ -13,9 +13,9 @@ from tests.friction.test_identification import DT, LOOPS, SIGMA, P, mixed_speed,
 
 pytestmark = pytest.mark.whole
 
-SEEDS, FEW = 15, 6  # docs/friction_measurement.md gives what 100 records say, 93 % and more
+SEEDS, FEW = 8, 5  # docs/friction_measurement.md gives what 100 records say, 93 % and more
 SLOW = {"gms", "bouc_wen"}  # 0.4 and 0.7 s for a record, of which there are few
-COVERED = 0.8  # least share of intervals that hold the truth: 99.5 % of samples of 15 have it where 95 % of all do [1]
+COVERED = 0.75  # least share of intervals that hold the truth: 99.4 % of samples of 8 have it where 95 % of all do [1]
 F_C = 1.3  # [N m]
 TRUE = {
     "coulomb": friction.make("coulomb", F_c=F_C),
@@ -87,7 +87,7 @@ def test_intervals_of_gms_allow_for_its_elements():
 def test_wrong_laws_are_flagged_and_nested_ones_are_not(name):
     """Flagged where they differ by more than three times the noise, found by what they leave."""
     clean = friction.response(TRUE[name], LOOPS, DT)
-    for other in [*TRUE, "viscous"]:
+    for other in {"viscous", "coulomb", "dahl", "lugre", "masing", *(b for a, b in NESTED if a == name)}:
         apart = friction.fit(LOOPS, clean, other, dt=DT).residual
         found = friction.fit(LOOPS, clean + noise(0, LOOPS.size), other, dt=DT)
         flagged = any("does not describe" in text for text in found.warnings)
@@ -169,7 +169,7 @@ def slip_elements(seed):
 def test_sliders_and_what_is_viscous_are_found_together_behind_noise_of_the_displacement():
     """Before, sliders stood on a grid without the viscous part: 240 in place of 500 N s/m, and told as sure."""
     held = []
-    for seed in range(12):
+    for seed in range(8):
         p, y, x, measured, dt = slip_elements(seed)
         found = friction.fit(x, measured, "gms", dt=dt)
         assert found.parameters.F_c == pytest.approx(p.F_c, rel=0.005)
@@ -181,4 +181,4 @@ def test_sliders_and_what_is_viscous_are_found_together_behind_noise_of_the_disp
         ]
         for each, k, own in zip(found.sliders, p.k, y):
             held += [each.k_interval[0] <= k <= each.k_interval[1], each.y_interval[0] <= own <= each.y_interval[1]]
-    assert np.mean(held) >= 0.85  # of intervals of 95 %, 84 of which share 12 records
+    assert np.mean(held) >= 0.85  # of intervals of 95 %, of which many share a record
