@@ -24,10 +24,11 @@ check: .venv-test/.stamp-check
 	.venv-test/bin/lint-imports
 	.venv-test/bin/typos --format brief *.md docs/*.md
 
-# Every test that `make test` did not run, with every extra: those marked `whole`, and what it skipped.
+# Every test that `make test` did not run, with every extra: those marked `whole`, and what it skipped. From the Unix
+# time UNTIL [s] on, if it is given, no test starts, and those left are named.
 test-whole: .venv-whole/.stamp
 	test -f $(RUN) || $(MAKE) test
-	.venv-whole/bin/python $(PYTEST) --rest-of=$(RUN)
+	.venv-whole/bin/python $(PYTEST) --rest-of=$(RUN) $(if $(UNTIL),--until=$(UNTIL))
 
 # The whole suite.
 test-all: test check test-whole

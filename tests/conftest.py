@@ -3,9 +3,12 @@
 import gc
 import importlib
 import os
+import random
 import re
 import signal
 import sys
+import time
+from itertools import groupby
 from pathlib import Path
 from traceback import walk_tb
 
@@ -42,6 +45,7 @@ settings.load_profile("suite")
 WHOLE = ("connect", "experiments/explore", "live/devices", "live/drive")
 # What no extra brings: programs, and a package whose pins exclude ours. Without them the whole suite may skip a test.
 FOREIGN = re.compile("wine|valgrind|Chromium|Firefox|TypeScript|moviepy")
+LATE = "the time of --until has come"
 
 _run: set[str] = set()
 _skipped: dict[str, str] = {}  # test, or module of tests -> reason
@@ -50,6 +54,7 @@ _skipped: dict[str, str] = {}  # test, or module of tests -> reason
 def pytest_addoption(parser):
     parser.addoption("--run-to", type=Path, help="write the names of the tests that ran to a file")
     parser.addoption("--rest-of", type=Path, help="the whole suite but for the tests that such a file names")
+    parser.addoption("--until", type=float, help="Unix time [s] from which on no test starts; files come in any order")
 
 
 class _Module(pytest.Module):
@@ -86,6 +91,17 @@ def pytest_collection_modifyitems(config, items):
         run = set(file.read_text(encoding="utf-8").splitlines())
         config.hook.pytest_deselected(items=[item for item in items if item.nodeid in run])
         items[:] = [item for item in items if item.nodeid not in run]
+    if until := config.getoption("until"):  # in each run other files come last
+        files = [list(group) for _, group in groupby(items, lambda item: item.path)]
+        random.Random(until).shuffle(files)
+        items[:] = [item for file in files for item in file]
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item):
+    until = item.config.getoption("until")
+    if until and time.time() > until:
+        pytest.skip(LATE)
 
 
 def pytest_runtest_logreport(report):
@@ -106,7 +122,10 @@ def pytest_sessionfinish(session):
     if file := session.config.getoption("run_to"):
         file.parent.mkdir(exist_ok=True)
         file.write_text("".join(f"{test}\n" for test in sorted(_run - {*_skipped})), encoding="utf-8")
-    lacking = {test: reason for test, reason in _skipped.items() if not FOREIGN.search(reason)}
+    late = [test for test, reason in _skipped.items() if LATE in reason]
+    if late:
+        print(f"\n{LATE}: {len(late)} tests were not started, of", *sorted({test.split("::")[0] for test in late}))
+    lacking = {test: reason for test, reason in _skipped.items() if not (FOREIGN.search(reason) or LATE in reason)}
     if session.config.getoption("rest_of") and lacking:
         print("\nskipped, though everything is to be there:", *map(": ".join, lacking.items()), sep="\n")
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
