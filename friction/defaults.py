@@ -20,9 +20,11 @@ V_S = 0.1  # Stribeck speed [rad/s]; assumed, 0.7 mm/s at the rack
 # Shares of the friction at the sites of a steering [1]. A column EPS: rack, worm and motor as above; the 0.1 to 0.2 N m
 # above the torsion bar and the efficiency of the gear, 0.85 to 0.90 in both directions, are assumed. A rack EPS has no
 # worm, but a ball screw, belt and motor at the rack; the share of pinion, rack and motor stands at the rack, as one law
-# split over sites that turn together is the same law. All of it is assumed, the efficiency within 0.85 to 0.95.
+# split over sites that turn together is the same law. All of it is assumed, the efficiency within 0.85 to 0.95. By wire
+# the actuator at the rack is that of the rack EPS, and the site above the bar is the handwheel with its motor.
 SHARES = {
     "column_eps": {"upper_column": 0.1, "gear": 0.3, "rack": 0.6},
     "rack_eps": {"upper_column": 0.1, "gear": 0.2, "rack": 0.7},
+    "steer_by_wire": {"upper_column": 0.1, "gear": 0.2, "rack": 0.7},
 }
-GEAR_EFFICIENCY = {"column_eps": 0.88, "rack_eps": 0.90}  # [1]
+GEAR_EFFICIENCY = {"column_eps": 0.88, "rack_eps": 0.90, "steer_by_wire": 0.90}  # [1]

@@ -55,7 +55,9 @@ from steer_env.friction.unit import scale_at_rest, step
 NOTHING = {"law": "viscous", "sigma_2": 0.0}
 ABOVE, BELOW = "upper_column", ("lower_column", "gear", "rack", "motor")
 # Also in the options of pages.
-SITES_SYNTAX = "LAW[,key=value...]@SITE, several joined by +; @column_eps and @rack_eps are all sites of that steering"
+SITES_SYNTAX = (
+    "LAW[,key=value...]@SITE, several joined by +; @column_eps, @rack_eps and @steer_by_wire are all its sites"
+)
 MOST_SITES = 1 + len(BELOW)  # sites
 MOST_ROUNDS, WITH_SLOPE = 50, 8
 LEAST_SLIDING_TORQUE = 1e-6  # sliding torque that can grow, assumed [N m]

@@ -36,7 +36,7 @@ class SteerEnv(PlainSpecification, gym.Env):
     vehicle : str, path or mapping, default "compact"
         A packaged car (``steer_env.vehicle.cars.available()``), a ``.toml`` or ``.json`` file, or a mapping with the
         contents of such a file, as in ``{"base": "compact", "chassis": {"rear_spring": 24e3}}``.
-    steering : {"column_eps", "rack_eps"}, optional
+    steering : {"column_eps", "rack_eps", "steer_by_wire"}, optional
         Kind of steering; the car's own by default. A packaged car that has another one is its packaged counterpart,
         where there is one: "compact" with "rack_eps" is "compact_rack_eps".
     chassis : {"single_track", "two_track"}, optional

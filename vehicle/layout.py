@@ -1,8 +1,8 @@
 """Where each part of a plant stands in its state array.
 
 The array holds, in this order, the column, the assist, the memory of the multi-step rules, the states of the chassis,
-their derivatives and the outputs at the last two evaluations of the chassis, the states of the motor's limits and of
-the assist's functions, and the memory of the friction law.
+their derivatives and the outputs at the last two evaluations of the chassis, the states of the motor's limits, of the
+controllers of a wire and of the assist's functions, and the memory of the friction law.
 """
 
 from typing import Any, NamedTuple
@@ -11,7 +11,7 @@ from steer_env.friction.law import law_of
 from steer_env.friction.numerics.kernel import kernel, part, plain
 from steer_env.vehicle import chassis
 from steer_env.vehicle.chassis.common.interface import INPUTS, Names
-from steer_env.vehicle.steering import column, eps, motor
+from steer_env.vehicle.steering import by_wire, column, eps, motor
 from steer_env.vehicle.steering.assist import functions
 
 # What the multi-step rules keep between the steps.
@@ -49,6 +49,7 @@ class Layout(NamedTuple):
     outputs: int
     outputs_before: int
     motor: int  # its limits
+    wire: int  # controllers of a steer-by-wire
     functions: int  # of the assist
     memory: int  # of the friction law, to the end of the array
 
@@ -73,8 +74,8 @@ _CHASSIS = _LAST + len(INPUTS)
 
 
 @kernel
-def _arrange(n, m, j, k):
-    """The layout for ``n`` states and ``m`` outputs of the chassis, ``j`` of the motor and ``k`` of the functions."""
+def _arrange(n, m, j, w, k):
+    """The layout for ``n`` states and ``m`` outputs of the chassis, ``j`` of motor, ``w`` of wire, ``k`` of rest."""
     rate, outputs = _CHASSIS + n, _CHASSIS + 3 * n
     return Layout(
         column=0,
@@ -94,8 +95,9 @@ def _arrange(n, m, j, k):
         outputs=outputs,
         outputs_before=outputs + m,
         motor=outputs + 2 * m,
-        functions=outputs + 2 * m + j,
-        memory=outputs + 2 * m + j + k,
+        wire=outputs + 2 * m + j,
+        functions=outputs + 2 * m + j + w,
+        memory=outputs + 2 * m + j + w + k,
     )
 
 
@@ -103,13 +105,13 @@ def _arrange(n, m, j, k):
 def layout_in_kernels(p):
     """The layout of a plant, in kernels; up to the motor compiled code knows its numbers as constants."""
     n, m, a = chassis.state_size(p.chassis), chassis.output_size(p.chassis), p.assist
-    return _arrange(n, m, motor.size(a.motor), functions.size(a.functions))
+    return _arrange(n, m, motor.size(a.motor), by_wire.size(a.wire), functions.size(a.functions))
 
 
 @part
 def layout_to_motor(p):
     """As :func:`layout_in_kernels`, of a plant of which the steering is left out: right up to the motor."""
-    return _arrange(chassis.state_size(p.chassis), chassis.output_size(p.chassis), 0, 0)
+    return _arrange(chassis.state_size(p.chassis), chassis.output_size(p.chassis), 0, 0, 0)
 
 
 @part
@@ -130,7 +132,8 @@ def plant_layout(p: Any) -> Layout:
     """The layout of a plant, in Python."""
     kind = chassis.chassis_of(p.chassis)
     n, m, a = len(kind.states), len(kind.outputs), p.assist
-    return plain(_arrange)(n, m, len(motor.states(a.motor)), len(functions.states(a.functions)))
+    own = (motor.states(a.motor), by_wire.states(a.wire), functions.states(a.functions))
+    return plain(_arrange)(n, m, *map(len, own))
 
 
 def state_size(p: Any) -> int:
@@ -153,6 +156,7 @@ def state_names(p: Any) -> Names:
         *kind.outputs,
         *((f"{name}_before", unit) for name, unit in kind.outputs),
         *motor.states(p.assist.motor),
+        *by_wire.states(p.assist.wire),
         *functions.states(p.assist.functions),
         *((f"friction_memory_{i}", "") for i in range(law_of(p.friction).memory_size(p.friction))),
     )

@@ -46,7 +46,7 @@ from steer_env.vehicle.layout import (
     state_names,
     state_size,
 )
-from steer_env.vehicle.steering import column, eps, motor
+from steer_env.vehicle.steering import by_wire, column, eps, motor
 from steer_env.vehicle.steering.assist import functions
 from steer_env.vehicle.steering.assist.functions import Signals
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
@@ -128,7 +128,11 @@ def bound(p: Any, wide: bool = False) -> Any:
         return p._replace(friction=sites.bound(p.friction, wide))
     assist = p.assist
     if not wide:
-        assist = assist._replace(functions=functions.bound(assist.functions), motor=motor.bound(assist.motor))
+        assist = assist._replace(
+            functions=functions.bound(assist.functions),
+            motor=motor.bound(assist.motor),
+            wire=by_wire.bound(assist.wire),
+        )
     return p._replace(friction=sites.bound(p.friction, wide), assist=assist)
 
 
@@ -185,14 +189,23 @@ def sample(p, at, state, speed, request):
         torsion_bar_torque,
         measured.column_speed,
         measured.speed,
-        functions.requested(p.assist.functions, state[at.functions : at.memory], measured, request),
+        by_wire.sampled(
+            p.assist.wire,
+            state[at.wire : at.functions],
+            measured.handwheel_angle,
+            measured.handwheel_speed,
+            state[column.COLUMN_ANGLE],
+            measured.column_speed,
+            measured.speed,
+            functions.requested(p.assist.functions, state[at.functions : at.memory], measured, request),
+        ),
     )
 
 
 @part
 def steer(p, at, state, hand, hand_speed, before, after, elapsed, force, h):
     """Advance column and motor by one step ``h`` under a mean rack force ``force`` [N]."""
-    x, heat, speed = state[at.assist : at.steps], state[at.motor : at.functions], state[column.COLUMN_SPEED]
+    x, heat, speed = state[at.assist : at.steps], state[at.motor : at.wire], state[column.COLUMN_SPEED]
     T_m = eps.motor_step(p.assist, x, heat, before, after, elapsed, speed, h)
     T_C = T_m - p.pinion_radius * force  # (P2)
     position = state[column.COLUMN_ANGLE] + 0.5 * h * state[column.COLUMN_SPEED]  # in the middle of the step
@@ -200,6 +213,11 @@ def steer(p, at, state, hand, hand_speed, before, after, elapsed, force, h):
     state[at.friction_torque_before] = state[at.friction_torque]
     scales = scratch.like(state, SCALES)
     sites.scales(p.friction, p.level, p.friction_torque_scale, force, position, T_m, scales)  # (F11), (F44)
+    feedback = 0.0
+    if by_wire.size(p.assist.wire) > 0:
+        feedback = by_wire.fed(p.assist.wire, state[at.wire : at.functions], elapsed, h)
+        if p.robot == 0.0:
+            hand += feedback
     _, _, T_F, T1 = column.step(
         p.column,
         p.friction,
@@ -212,7 +230,7 @@ def steer(p, at, state, hand, hand_speed, before, after, elapsed, force, h):
         T_C,
         h,
     )
-    state[at.hand_torque] = T1
+    state[at.hand_torque] = T1 - feedback if by_wire.size(p.assist.wire) > 0 else T1
     state[at.friction_torque] = T_F
 
 
@@ -248,6 +266,8 @@ def report_column(p, at, state, row):
     row[3] = state[column.COLUMN_ANGLE]
     row[4] = state[column.COLUMN_SPEED]
     row[5] = p.column.K_tb * (state[column.HANDWHEEL_ANGLE] - state[column.COLUMN_ANGLE])
+    if by_wire.size(p.assist.wire) > 0:
+        row[5] = -state[at.wire + by_wire.FEEDBACK]
     row[6] = state[at.assist + eps.MOTOR_TORQUE]
     row[7] = 1.5 * state[at.friction_torque] - 0.5 * state[at.friction_torque_before]
 
@@ -445,8 +465,14 @@ def _side_by_side(p, of_friction):
 
 def side_by_side(p: Plant) -> bool:
     """Whether rows of plants of this kind run side by side: every part of theirs has kernels that take vectors."""
-    plain_assist = isinstance(p.assist.functions, functions.NoFunctions) and isinstance(p.assist.motor, motor.NoMotor)
-    return COMPILED and plain_assist and sites.wide(p.friction) and chassis.chassis_of(p.chassis).wide
+    a = p.assist
+    plain_parts = zip((a.functions, a.motor, a.wire), (functions.NoFunctions, motor.NoMotor, by_wire.NoWire))
+    return (
+        COMPILED
+        and all(isinstance(*each) for each in plain_parts)
+        and sites.wide(p.friction)
+        and chassis.chassis_of(p.chassis).wide
+    )
 
 
 @kernel
@@ -482,7 +508,7 @@ def begin_fours(template, rows, states, samples, low, high):
 
 def reported(p: Plant, state: NDArray[np.float64], u: NDArray[np.float64]) -> NDArray[np.float64]:
     """Channels (C,) of a state (S,) at the end of a sample with a row ``u`` (I,) of inputs."""
-    row, at = np.zeros(len(channels(p))), plain(layout_to_motor)(p)
+    row, at = np.zeros(len(channels(p))), plant_layout(p)
     plain(report_column)(p, at, state, row)
     plain(report_chassis)(p, at, state, u, row[_OWN_CHANNEL_COUNT - 1 :])
     return row

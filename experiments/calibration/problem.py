@@ -27,6 +27,7 @@ from steer_env.tuning.scenarios.tune_all_round import SCENARIO
 from steer_env.vehicle.cars import Car, UnusualCar
 from steer_env.vehicle.steering import eps, stability
 from steer_env.vehicle.steering.assist import functions
+from steer_env.vehicle.steering.by_wire import Wire
 from steer_env.vehicle.steering.eps import SAMPLE_TIME, Assist
 
 LEVELS = (0.5, 1.0, 2.0)  # of friction, factors on the law's torque [1]
@@ -166,9 +167,14 @@ def make(
     Raises
     ------
     ValueError
-        The boost falls with the torque, the targets have no band for the tests or contradict themselves, or a value is
-        out of its range.
+        The car is steered by wire, its boost falls with the torque, the targets have no band for the tests or
+        contradict themselves, or a value is out of its range.
     """
+    if isinstance(car.assist.wire, Wire):
+        raise ValueError(
+            f"{car.name!r} is steered by wire and has no boost to tune: the environments Tune... tune its feel, or "
+            "give a car with a torsion bar"
+        )
     falls = np.argwhere(np.diff(car.assist.boost, axis=1) < 0.0)
     if falls.size:
         i, j = falls[0]

@@ -24,6 +24,7 @@ from steer_env.vehicle.cars import Car
 from steer_env.vehicle.keys import checked, declared_keys
 from steer_env.vehicle.plant import Plant
 from steer_env.vehicle.steering import column, eps
+from steer_env.vehicle.steering.by_wire import SECTION, Wire
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 from steer_env.vehicle.steering.kinds import common as kinds
 
@@ -66,6 +67,8 @@ _BY_SPEED = {
     "friction_share": ("Friction compensation", 0.0, 1.0),
     "return_gain": ("Active return", 0.0, 10.0),
 }
+# Numbers of a steer-by-wire, in place of those of the assist.
+_OF_WIRE = {"feel_scale": "Feel", "feedback_limit": "Largest torque of the feedback motor"}
 SCALE_NAME, LOAD_NAME, SPEED_NAME = "friction_scale", "load", "speed_kph"
 BOOST = "boost_scale"  # whose factor at each speed has a slider too
 _LAW_SPAN = 3.0  # factor on the default of a law's parameter, either way, over which its slider goes; assumed
@@ -239,10 +242,19 @@ def _speed(chassis: str, kph: Any) -> float:
 
 
 def _of_assist(car: Car) -> list[Parameter]:
-    found = []
+    found: list[Parameter] = []
+    refuse: Callable[[Any], Any]
+    if isinstance(car.assist.wire, Wire):
+        for key, label in _OF_WIRE.items():
+            about, refuse = declared_keys()[SECTION][key], partial(checked, SECTION, key)
+            value = car.given[SECTION][key]
+            found.append(
+                _parameter(f"{SECTION}.{key}", "By wire", label, about.unit, about.usual or (0.0, 1.0), value, refuse)
+            )
+        return found
     for key, (label, *span) in _BY_SPEED.items():
         unit, value = declared_keys()["assist"][key].unit, float(np.max(_profile(car, key)))
-        refuse: Callable[[Any], Any] = partial(_by_speed, car, key)
+        refuse = partial(_by_speed, car, key)
         found.append(_parameter(f"assist.{key}", "Assist", label, unit, (span[0], span[1]), value, refuse))
     refuse = partial(checked, "assist", BOOST)
     for i, speed in enumerate(car.assist.speeds):
@@ -335,4 +347,9 @@ def _assist(car: Car, values: Values) -> eps.Assist:
     made = eps.make(**{**keys, "friction_share": 1.0})  # on, so that all functions are there
     functions: Any = made.functions
     observer = functions.friction_compensation._replace(gain=share)
-    return made._replace(functions=functions._replace(friction_compensation=observer))
+    made = made._replace(functions=functions._replace(friction_compensation=observer))
+    if not isinstance(car.assist.wire, Wire):
+        return made
+    own = {key: checked(SECTION, key, values.get(f"{SECTION}.{key}", car.given[SECTION][key])) for key in _OF_WIRE}
+    given = {**car.given, SECTION: {**car.given[SECTION], **own}}
+    return made._replace(wire=kinds.wire(given, made.limit))

@@ -11,7 +11,7 @@ from pathlib import Path
 
 # Those of steer_env.friction.law and steer_env.friction.sites, which take longer to import.
 FRICTION = "LAW[,key=value...], a list of numbers as a:b:c, or a fitted FILE.json"
-SITES = "LAW[,key=value...]@SITE, several joined by +; @column_eps and @rack_eps are all sites of that steering"
+SITES = "LAW[,key=value...]@SITE, several joined by +; @column_eps, @rack_eps and @steer_by_wire are all its sites"
 LONG = 3.0  # time from which on work without a terminal says what it does and how far it is [s]
 
 

@@ -104,7 +104,7 @@ def collect(
         )
         for cell in at
     }
-    loops = {f"{torque:g} N m": assist_loop.open_loop(each).response(FREQUENCIES) for torque, each in points.items()}
+    loops = {f"{torque:g} N m": assist_loop.response(each, FREQUENCIES) for torque, each in points.items()}
     point = points[worst.torque]
     gain = worst.margins.gain if worst.margins and worst.margins.stable else 1.0  # the locus ends above the limit
     factors = np.linspace(0.0, 1.2 * min(gain, 20.0), 60)

@@ -21,6 +21,8 @@ from steer_env.vehicle.analysis import understeer
 from steer_env.vehicle.analysis.linear import from_car
 from steer_env.vehicle.cars import Car, plausible
 from steer_env.vehicle.constants import GRAVITY
+from steer_env.vehicle.steering import wire_loops
+from steer_env.vehicle.steering.by_wire import Wire
 from steer_env.vehicle.steering.eps import boost_curve
 from steer_env.vehicle.tyre import cornering_stiffness
 
@@ -221,18 +223,29 @@ def steering(car: Car, found: Simulated) -> list[Quantity]:
     circle = 2.0 * math.hypot(radius + 0.5 * car.chassis["front_track"], wheelbase)
     group.add("steering_ratio", "handwheel over road-wheel angle, straight ahead", car.steering_ratio(), "1")
     group.add("rack_per_turn", "rack travel per turn", 2e3 * math.pi * s["pinion_radius"], "mm")
-    group.add("turns", "turns from lock to lock", s["rack_limit"] / s["pinion_radius"] / math.pi, "1")
+    group.add("turns", "turns from lock to lock", car.handwheel_lock(0.0) / math.pi, "1")
     group.add("inner_lock", "largest angle of the inner wheel", inner / DEGREE, "deg")
     group.add("outer_lock", "angle of the outer wheel there", outer / DEGREE, "deg")
     group.add("ackermann", "Ackermann at lock", 100.0 * (inner - outer) / (inner - ideal), "%")
     group.add("turning_circle", "turning circle of the outer front wheel", circle, "m", "geometric, without slip")
+    if isinstance(wire := car.assist.wire, Wire):
+        longest = 1e3 * min(wire_loops.passive_delay(wire, speed) for speed in wire.speeds)
+        note = (
+            f"beyond it the hand may draw work from the feel; its motor has {1e3 * wire.delay + 1e3 * wire.offset:g} ms"
+        )
+        group.add("passive_delay", "longest delay of a passive feel, up to 10 Hz", longest, "ms", note)
     for kph in (0.0, 100.0):
         cells = found.assist[kph]
         where = "parking" if kph == 0.0 else f"{kph:g} km/h"
         gain = max((cell.gain for cell in cells), default=0.0)
-        group.add(f"assist_gain_{kph:g}", f"largest slope of the boost curve, {where}", gain, "1")
-        damping = float(boost_curve(car.assist, 0.0, kph / 3.6)[1])
-        group.add(f"motor_damping_{kph:g}", f"motor damping, {where}", damping, "N m s/rad", "at the column")
+        if isinstance(wire, Wire):
+            damping = float(np.interp(kph / 3.6, wire.speeds, wire.damping))
+            group.add(f"feel_stiffness_{kph:g}", f"largest slope of the feel over the angle, {where}", gain, "N m/rad")
+            group.add(f"feel_damping_{kph:g}", f"damping of the handwheel, {where}", damping, "N m s/rad")
+        else:
+            group.add(f"assist_gain_{kph:g}", f"largest slope of the boost curve, {where}", gain, "1")
+            damping = float(boost_curve(car.assist, 0.0, kph / 3.6)[1])
+            group.add(f"motor_damping_{kph:g}", f"motor damping, {where}", damping, "N m s/rad", "at the column")
         for key, title, unit in (("phase_deg", "phase margin", "deg"), ("gain_db", "gain margin", "dB")):
             least = min((getattr(cell, key) for cell in cells if math.isfinite(getattr(cell, key))), default=math.nan)
             note = "of the column with fixed hands; analyse has the whole car, too" if kph else ""

@@ -15,6 +15,7 @@ from steer_env.vehicle import plant
 from steer_env.vehicle.analysis import free_control
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.chassis import available as every_chassis
+from steer_env.vehicle.steering.by_wire import ratio_at
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 
 Array = NDArray[np.float64]
@@ -97,8 +98,9 @@ def steady(car: Car, chassis: str, speed: float = SPEED) -> Steady:
         slope = angle / acceleration
         angle = SMALL_ACCELERATION * slope
     column = float(found["column_angle"][-1]) / acceleration
+    at_handwheel = column / ratio_at(car.assist.wire, speed)  # without twist
     roll = float(found["roll_angle"][-1]) / acceleration
-    return Steady(slope, gain * column - wheelbase / v**2, slope - column, roll)
+    return Steady(slope, gain * column - wheelbase / v**2, slope - at_handwheel, roll)
 
 
 def yaw_lag(car: Car, chassis: str, law: Any, speed: float) -> float:

@@ -32,6 +32,7 @@ from steer_env.metrics.common.filtered_channels import ANGLE, AY, TORQUE
 from steer_env.metrics.common.loops import Loops
 from steer_env.recording.recording import Recording
 from steer_env.vehicle import cars
+from steer_env.vehicle.steering.by_wire import Wire
 from steer_env.vehicle.steering.eps import Assist, boost_curve
 
 Array = NDArray[np.float64]
@@ -90,6 +91,8 @@ def law_at(law: str, level: float) -> Any:
 
 def without_friction(recording: Recording, assist: Assist) -> Recording:
     """The recording with the hand torque that the same motion would take without friction torque."""
+    if isinstance(assist.wire, Wire):  # by which no friction below comes to the hands
+        return recording
     speed = float(recording["vehicle_speed"].mean())
     torque = np.linspace(-2.0, 2.0, 4001) * assist.torques[-1]
     carried = torque + np.array([boost_curve(assist, T, speed)[0] for T in torque])
@@ -112,6 +115,11 @@ def _drive(job: tuple[cars.Car, str, str, float]) -> dict[str, Width]:
     }
 
 
+def _with_bar() -> list[str]:
+    """Names of the packaged cars with a torsion bar."""
+    return [name for name in cars.available() if not isinstance(cars.load(name).assist.wire, Wire)]
+
+
 def collect(
     chosen: Sequence[str | cars.Car] | None = None,
     laws: Sequence[str] = LAWS,
@@ -120,8 +128,8 @@ def collect(
     sweep: Runner = run,
     notify: Callable[[float, str], None] = lambda *_: None,
 ) -> Curves:
-    """Widths over friction for every car (by default the packaged ones), law, test and metric."""
-    loaded = [cars.load(car) if isinstance(car, str) else car for car in chosen or cars.available()]
+    """Widths over friction for every car (by default the packaged ones with a torsion bar), law, test and metric."""
+    loaded = [cars.load(car) if isinstance(car, str) else car for car in chosen or _with_bar()]
     keys = list(product(loaded, laws, tests))
     jobs = [(*key, level) for key in keys for level in levels]
     found = sweep(_drive, jobs, notify=notify, words=lambda job: f"{job[0].name}, {job[1]}, {job[2]}")
@@ -209,9 +217,8 @@ def panels(curves: Curves, law: str = LAWS[0]) -> dict[str, dict[str, dict[str, 
 def main(argv: Sequence[str] | None = None, sweep: Runner = run) -> None:
     """Print the widths over friction and the verdicts; with --figure also draw them."""
     parser = argparse.ArgumentParser(prog="steer-env study loop-width", description=main.__doc__)
-    names = cars.available()
-    text = f"default: {' '.join(names)}"
-    parser.add_argument("--cars", metavar="NAME", nargs="+", choices=names, default=list(names), help=text)
+    text = f"default: {' '.join(_with_bar())}"
+    parser.add_argument("--cars", metavar="NAME", nargs="+", choices=cars.available(), default=_with_bar(), help=text)
     parser.add_argument("--figure", metavar="FILE.svg", type=Path, help="file for the picture")
     options = parser.parse_args(argv)
     with progress("driving") as notify:

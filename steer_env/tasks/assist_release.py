@@ -74,7 +74,7 @@ def wanted_return(held_angle, since):
 def _usual_angle(car: Car, speed: float, acceleration: float) -> float:
     """About the handwheel angle [rad] of a steady turn at a speed [m/s] and a lateral acceleration [m/s2]."""
     wheelbase = car.chassis["front_axle"] + car.chassis["rear_axle"]
-    return min(car.steering_ratio() * (wheelbase / speed**2 + UNDERSTEER) * acceleration, MOST_ANGLE)
+    return min(car.steering_ratio(speed) * (wheelbase / speed**2 + UNDERSTEER) * acceleration, MOST_ANGLE)
 
 
 def _draw_setup(rng: np.random.Generator, context: EpisodeContext, options: Mapping[str, float]) -> EpisodeSetup:

@@ -19,7 +19,7 @@ from steer_env.metrics import Value, definition
 from steer_env.targets import load as load_targets
 from steer_env.tasks import Quantity
 from steer_env.tuning import context, driving, reward, start
-from steer_env.tuning.parameters import KNOWN, car_with, keys, make_assist, values
+from steer_env.tuning.parameters import KNOWN, acting, car_with, keys, make_assist, values
 from steer_env.tuning.scenarios.common.definition import SPEEDS, Scenario
 from steer_env.vehicle import cars
 from steer_env.vehicle import chassis as chassis_models
@@ -90,7 +90,7 @@ class TuneEnv(PlainSpecification, gym.Env):
     vehicle : str, path or mapping, default "compact"
         A packaged car (``steer_env.vehicle.cars.available()``), a ``.toml`` or ``.json`` file, or a mapping with the
         contents of such a file.
-    steering : {"column_eps", "rack_eps"}, optional
+    steering : {"column_eps", "rack_eps", "steer_by_wire"}, optional
         Kind of steering; the car's own by default. A packaged car that has another one is its packaged counterpart,
         where there is one: "compact" with "rack_eps" is "compact_rack_eps".
     chassis : {"single_track", "two_track"}, default "single_track"
@@ -165,6 +165,12 @@ class TuneEnv(PlainSpecification, gym.Env):
         if parameters is not None:
             self.scenario = replace(self.scenario, parameters=_checked_parameters(parameters))
         self.car = cars.load(vehicle, steering=steering)
+        if parameters is None:
+            self.scenario = replace(self.scenario, parameters=acting(self.car.assist, self.scenario.parameters))
+        elif missing := set(parameters) - {*acting(self.car.assist, tuple(parameters))}:
+            raise ValueError(
+                f"{self.car.name} is steered by wire and has no {', '.join(sorted(missing))}: leave it out"
+            )
         if tyre is not None:
             self.car = self.car._replace(tyre=tyres.load(tyre))
         self._limits = {name: LIMITS[name] for name in DRAWN_CONDITIONS}

@@ -4,6 +4,9 @@
     damping'(v)  = level low(v) damping(v)
     low(v)       = factor at standstill ^ max(1 - v/v_1, 0)               v_1 = 100 km/h
 
+By wire the table is that of the feel over the handwheel angle A, with A_n = 1 rad, and the damping that of the
+handwheel; the lead is not there, and changes nothing.
+
 A position a, an action in [-1, 1] and the offset of the start (:mod:`steer_env.tuning.start`), gives a parameter the
 value own * span^a: the car's own value at 0, and a valid one wherever the car's own is. The spans are assumed: as far
 as an engineer would go, and further to where the loop's margins are lost.
@@ -20,11 +23,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from steer_env.friction.numerics.frozen import frozen
 from steer_env.vehicle import cars
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.keys import declared_keys
-from steer_env.vehicle.steering import eps, motor
+from steer_env.vehicle.steering import by_wire, eps, motor
 from steer_env.vehicle.steering.assist import functions
+from steer_env.vehicle.steering.by_wire import Wire
 from steer_env.vehicle.steering.eps import SAMPLE_TIME, Assist
 
 Array = NDArray[np.float64]
@@ -103,6 +108,13 @@ FUNCTIONS = {
 KNOWN: dict[str, Parameter | Strength] = {**PARAMETERS, **FUNCTIONS}
 
 
+def acting(a: Assist, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Those of the named parameters that an assist has: by wire there are no lead and no functions."""
+    if not isinstance(a.wire, Wire):
+        return names
+    return tuple(name for name in names if name in PARAMETERS and not name.startswith("lead"))
+
+
 def reported_parameters(names: tuple[str, ...]) -> tuple[str, ...]:
     """Every parameter whose value is told where the action sets those named."""
     return (*PARAMETERS, *(name for name in FUNCTIONS if name in names))
@@ -118,13 +130,24 @@ def complete(a: Assist, given: Mapping[str, float]) -> dict[str, float]:
     return {name: given.get(name, KNOWN[name].value(a, 0.0)) for name in reported_parameters(tuple(given))}
 
 
+def _table(p: Mapping[str, float], speeds: Array, grid: Array, last: float, own: Array) -> Array:
+    """A table (V, T) over speeds (V,) [m/s] and a grid (T,) from zero on, for a value of every parameter."""
+    read_at = np.zeros_like(grid)  # places of the car's own curve
+    read_at[1:] = grid[1:] * (grid[1:] / last) ** (p["boost_progression"] - 1.0)
+    table: Any = np.array([np.interp(read_at, grid, row) for row in own])
+    return (p["boost_level"] * p["boost_low_speed"] ** _fading(speeds))[:, None] * table  # type: ignore[no-any-return]
+
+
+def _fading(speeds: Array) -> Array:
+    return np.maximum(1.0 - speeds / HIGH_SPEED, 0.0)
+
+
 def keys(a: Assist, p: Mapping[str, float]) -> dict[str, Any]:
-    """The keys of a car file's section ``assist``, for the assist of a car and a value for every parameter."""
-    fading = np.maximum(1.0 - a.speeds / HIGH_SPEED, 0.0)
-    t = a.torques
-    read_at = np.zeros_like(t)  # torques of the car's own curve
-    read_at[1:] = t[1:] * (t[1:] / t[-1]) ** (p["boost_progression"] - 1.0)
-    boost: Any = np.array([np.interp(read_at, t, row) for row in a.boost])
+    """The keys of a car file's section ``assist``, or by wire ``steer_by_wire``, for a value of every parameter."""
+    if isinstance(w := a.wire, Wire):
+        damping = p["damping_level"] * p["damping_low_speed"] ** _fading(w.speeds) * w.damping
+        return {"feel": _table(p, w.speeds, w.angles, 1.0, w.feel), "damping": damping}  # with its scale
+    fading, t = _fading(a.speeds), a.torques
     own = functions.keys(a.functions, SAMPLE_TIME)
     for name in p.keys() & FUNCTIONS.keys():
         before = FUNCTIONS[name].own(a)
@@ -134,7 +157,7 @@ def keys(a: Assist, p: Mapping[str, float]) -> dict[str, Any]:
         **motor.keys(a.motor),
         "speeds": a.speeds,
         "torques": t,
-        "boost": (p["boost_level"] * p["boost_low_speed"] ** fading)[:, None] * boost,
+        "boost": _table(p, a.speeds, t, t[-1], a.boost),
         "damping": p["damping_level"] * p["damping_low_speed"] ** fading * a.damping,
         "lead_zero": p["lead_zero"],
         "lead_pole": p["lead_pole"],
@@ -145,10 +168,16 @@ def keys(a: Assist, p: Mapping[str, float]) -> dict[str, Any]:
 
 
 def car_with(car: Car, assist: Mapping[str, Any], name: str) -> Car:
-    """The car under another name, with other keys of its section ``assist``; a warning where they are not usual."""
-    return cars.load({**car.data(), "name": name, "assist": assist})
+    """The car under another name, with other keys of :func:`keys`; a warning where they are not usual."""
+    data = {**car.data(), "name": name}
+    if isinstance(car.assist.wire, Wire):
+        own = {key: np.asarray(value).tolist() for key, value in assist.items()}
+        return cars.load({**data, by_wire.SECTION: {**data[by_wire.SECTION], "feel_scale": 1.0, **own}})
+    return cars.load({**data, "assist": assist})
 
 
 def make_assist(a: Assist, p: Mapping[str, float]) -> Assist:
     """The assist of a car with a value for every parameter, checked by :func:`steer_env.vehicle.steering.eps.make`."""
+    if isinstance(a.wire, Wire):
+        return frozen(a._replace(wire=a.wire._replace(**keys(a, p))))
     return eps.make(**keys(a, p))

@@ -256,7 +256,7 @@ def test_there_is_a_way_back_to_a_car_file(name, suffix, tmp_path):
     car = own_car(tmp_path) if name == "own" else cars.load(name)
     data = car.data()
     assert json.loads(json.dumps(data)) == data
-    assert {"K_tb", "I1"} <= set(data["column"])
+    assert {"C1", "I1"} <= set(data["column"])
     cars.write(car, tmp_path / f"written.{suffix}")
     (tmp_path / "mine.tir").unlink(missing_ok=True)  # the written file needs no other
     for again in (cars.load(data), cars.load(tmp_path / f"written.{suffix}")):

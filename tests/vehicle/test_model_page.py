@@ -14,7 +14,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "model.md").read_text(encoding="utf-8")
-NUMBER = re.compile(r"\(([FCEPSTVBDRNL]\d+)\)")
+NUMBER = re.compile(r"\(([FCEPSTVBDRNLW]\d+)\)")
 # Rows of the tables of equations: | (C1), (C2) | `file`: `function` | test |
 ROWS = [
     (NUMBER.findall(numbers), file)

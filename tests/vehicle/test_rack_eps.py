@@ -143,7 +143,7 @@ def test_bad_car_files_are_refused(data, message):
 @pytest.mark.parametrize(
     ("name", "steering", "message"),
     [
-        ("compact", "belt", "steering must be one of column_eps, rack_eps, got 'belt'"),
+        ("compact", "belt", "steering must be one of column_eps, rack_eps, steer_by_wire, got 'belt'"),
         (
             "ford_escort",
             "rack_eps",

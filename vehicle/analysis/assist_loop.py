@@ -20,18 +20,20 @@ from numpy.typing import NDArray
 from scipy.linalg import schur
 
 from steer_env.friction.numerics.frozen import frozen
+from steer_env.friction.numerics.kernel import plainly
 from steer_env.vehicle import plant
 from steer_env.vehicle.analysis import linearised
 from steer_env.vehicle.analysis.linearised import Point
 from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST, RACK_DISTURBANCE
 from steer_env.vehicle.layout import plant_layout, state_names
 from steer_env.vehicle.plant import CHASSIS_STEP
-from steer_env.vehicle.steering import eps
+from steer_env.vehicle.steering import eps, wire_loops
 from steer_env.vehicle.steering.assist.functions import Functions
+from steer_env.vehicle.steering.by_wire import Wire, feel_map
 from steer_env.vehicle.steering.column import COLUMN_ANGLE, COLUMN_SPEED, HANDWHEEL_ANGLE
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
 from steer_env.vehicle.steering.linear import answer
-from steer_env.vehicle.steering.margins import FREQUENCIES, Margins, boost_gain, read
+from steer_env.vehicle.steering.margins import FREQUENCIES, Margins, boost_gain, least, read
 from steer_env.vehicle.steering.margins import transmitted as of_assist
 
 Array = NDArray[np.float64]
@@ -70,6 +72,34 @@ class Loop(NamedTuple):
         return -np.atleast_1d(K) * self.plant_response(frequency)[:, 0, 0]  # (E17)
 
 
+class LoopByWire(NamedTuple):
+    """The open loop of a point by wire, of which tyres and chassis are no part."""
+
+    loop: wire_loops.Loop
+
+    def response(self, frequency: Array) -> NDArray[np.complex128]:
+        """The open loop L (F,) at frequencies (F,) [Hz]; negative feedback closes it."""
+        return self.loop.response(np.exp(2j * math.pi * SAMPLE_TIME * np.asarray(frequency)))
+
+    def margins(self, stable: bool) -> Margins:
+        """The margins of the loop, and whether the car is stable."""
+        return read(FREQUENCIES, self.response(FREQUENCIES), stable)
+
+
+def _by_wire(point: Point) -> list[LoopByWire]:
+    """The loop of the rack's position, and of a handwheel that is not prescribed that of the feel (W8), (W9)."""
+    p, w, step = point.plant, point.plant.assist.wire, 1e-6
+    found = [wire_loops.position_loop(p.column, p.assist)]
+    if not p.robot:
+        low, high = (plainly(feel_map)(w, point.handwheel_angle + side, point.speed) for side in (-step, step))
+        stiffness, c = 0.5 * (high - low) / step, p.column
+        resting = 0.0 if p.friction is linearised.FRICTIONLESS else wire_loops.steepest(w)
+        damping = float(np.interp(abs(point.speed), w.speeds, w.damping))
+        hands = c.I_arm, c.C_arm, c.K_arm
+        found.append(wire_loops.feel_loop(c, w, stiffness + resting, damping, hands))
+    return [LoopByWire(loop) for loop in found]
+
+
 def without_boost(point: Point) -> Point:
     """The same point with a request in place of boost and lead-lag."""
     a = point.plant.assist
@@ -87,12 +117,24 @@ def transmitted(point: Point, factor: float) -> Point:
 def _requested(point: Point, a: eps.Assist, factor: float) -> Point:
     """The point with another assist, of ``factor`` times the boost, and a request that keeps the motor's torque."""
     p, state, u = frozen(point.plant._replace(assist=a)), point.state.copy(), point.inputs.copy()
+    if isinstance(a.wire, Wire):  # whose motor at the rack holds it by its integral
+        return point._replace(plant=p)
     at = plant_layout(p).assist
     state[at + eps.LEAD_STATE] *= factor
     trial, row = state.copy(), np.zeros((1, len(plant.channels(p))))
     plant.run(p, trial, u[None, :], row, 1)
     u[ASSIST_REQUEST] += state[at + eps.QUEUE] - trial[at + eps.QUEUE]
     return point._replace(plant=p, state=state, inputs=u)
+
+
+def response(point: Point, frequency: Array) -> NDArray[np.complex128]:
+    """The open loop L (F,) around a point at frequencies (F,) [Hz].
+
+    By wire it is that loop of handwheel and rack whose disk margin is smaller, opened at the command of its motor.
+    """
+    if isinstance(point.plant.assist.wire, Wire):
+        return min(_by_wire(point), key=lambda loop: loop.margins(True).disk).response(frequency)
+    return open_loop(point).response(frequency)
 
 
 def open_loop(point: Point) -> Loop:
@@ -133,5 +175,7 @@ def grows(point: Point) -> bool:
 
 def margins(point: Point) -> Margins:
     """The margins of the assist loop around a point."""
-    loop = open_loop(point)
-    return read(FREQUENCIES, loop.response(FREQUENCIES), not grows(point))
+    calm = not grows(point)
+    if isinstance(point.plant.assist.wire, Wire):
+        return least([loop.margins(calm) for loop in _by_wire(point)])
+    return read(FREQUENCIES, open_loop(point).response(FREQUENCIES), calm)

@@ -33,6 +33,7 @@ from steer_env.vehicle import plant
 from steer_env.vehicle.analysis import assist_loop
 from steer_env.vehicle.analysis.linearised import Point
 from steer_env.vehicle.analysis.operating_point import with_hands
+from steer_env.vehicle.steering.by_wire import Wire
 from steer_env.vehicle.steering.eps import SAMPLE_TIME, boost_curve
 from steer_env.vehicle.steering.linear import answer
 
@@ -135,8 +136,10 @@ def predict(point: Point, law: Any) -> list[Cycle]:
     point : Point
         Straight running, with sliding friction, of :mod:`steer_env.vehicle.analysis.operating_point`.
     law : str, mapping or parameters
-        The friction, in a form of :func:`steer_env.friction.resolve`.
+        The friction, in a form of :func:`steer_env.friction.resolve`. By wire no cycle is predicted.
     """
+    if isinstance(point.plant.assist.wire, Wire):  # whose motor answers no torque of a torsion bar
+        return []
     balance = _Balance(point, law)
     responses = balance.loop.plant_response(FREQUENCIES)
     off = np.array([[balance.off(A, f, own) for f, own in zip(FREQUENCIES, responses)] for A in AMPLITUDES])

@@ -181,5 +181,5 @@ def from_car(
         rear_roll_moment=float(M_r[2]),
         steer_force=float(Y_f[3]),
         steer_moment=float(M_f[3]),
-        steering_ratio=car.steering_gain(),
+        steering_ratio=car.steering_gain(speed),
     )

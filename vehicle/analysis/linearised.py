@@ -33,7 +33,7 @@ from steer_env.vehicle.layout import plant_layout, state_names
 from steer_env.vehicle.plant import CHASSIS_STEP, STEPS_PER_CHASSIS_STEP, Plant
 from steer_env.vehicle.steering.assist.friction_compensation import LIMITED
 from steer_env.vehicle.steering.assist.functions import FRICTION, Functions
-from steer_env.vehicle.steering.column import COLUMN_ANGLE, HANDWHEEL_ANGLE
+from steer_env.vehicle.steering.column import HANDWHEEL_ANGLE
 
 Array = NDArray[np.float64]
 
@@ -41,7 +41,7 @@ FRICTIONLESS = friction_laws.make("viscous", sigma_2=0.0)
 
 _CHOSEN = tuple(range(ASSIST_REQUEST, RACK_DISTURBANCE + 1))  # inputs of the linear model beside the hands
 # Not continuous, and constant while cruising: counters, and the stored values of pedals and switches.
-_LEFT_OUT = {"steps_since_evaluation", "gear", "shift_time_left"} | {
+_LEFT_OUT = {"steps_since_evaluation", "samples_since_message", "sent_age", "gear", "shift_time_left"} | {
     f"{name}_{stored}" for name, _ in INPUTS[RACK_DISTURBANCE + 1 :] for stored in ("mean", "at_evaluation")
 }
 _FORCES = {"N": 1e-2, "N m": 1e-4}  # step of the differences of an input by its unit; of an angle or speed 1e-7
@@ -192,8 +192,8 @@ class Point(NamedTuple):
 
     @property
     def torque(self) -> float:
-        """Torque of the torsion bar [N m]."""
-        return float(self.plant.column.K_tb * (self.state[HANDWHEEL_ANGLE] - self.state[COLUMN_ANGLE]))
+        """Torque of the torsion bar, or that which resists by wire [N m]."""
+        return self.channel("torsion_bar_torque")
 
     @property
     def handwheel_angle(self) -> float:

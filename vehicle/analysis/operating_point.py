@@ -18,13 +18,15 @@ from steer_env import friction as friction_laws
 from steer_env.friction.law import law_of
 from steer_env.friction.numerics.check import number, one_of
 from steer_env.friction.numerics.frozen import frozen
+from steer_env.friction.numerics.kernel import plainly
 from steer_env.vehicle import plant
 from steer_env.vehicle.analysis.linearised import FRICTIONLESS, Point, by_input, transition
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST, HAND, HAND_SPEED, INPUTS, WHEELS
 from steer_env.vehicle.layout import plant_layout
-from steer_env.vehicle.plant import CHANNEL, STEPS_PER_CHASSIS_STEP, Plant
+from steer_env.vehicle.plant import CHANNEL, CHASSIS_STEP, STEPS_PER_CHASSIS_STEP, Plant
 from steer_env.vehicle.steering.assist import friction_compensation, functions
+from steer_env.vehicle.steering.by_wire import Wire, feel_map
 from steer_env.vehicle.steering.column import COLUMN_ANGLE, HANDWHEEL_ANGLE, HANDWHEEL_SPEED
 from steer_env.vehicle.steering.eps import LEAD_STATE, Assist, boost_curve
 
@@ -57,8 +59,16 @@ def cornering(car: Car, speed: float, chassis: str = "single_track", road_fricti
     Parameters are those of :meth:`steer_env.vehicle.cars.Car.plant`, with its errors.
     """
     p, compensated = _without_compensation(car.plant(FRICTIONLESS, speed, True, road_friction, chassis))
+    if by_wire := isinstance(p.assist.wire, Wire):
+        if p.assist.wire.every > STEPS_PER_CHASSIS_STEP:
+            raise ValueError(
+                f"steer_by_wire.wire_sample_time must be at most {CHASSIS_STEP:g} s for a linear model, whose step it "
+                f"is, got {p.assist.wire.every * plant.SAMPLE_TIME:g}"
+            )
+        own = p.assist.wire._replace(law=FRICTIONLESS, law_size=0)  # the middle of the wanted hysteresis
+        p = frozen(p._replace(assist=p.assist._replace(wire=own)))
     bare = _without_boost(p)  # which is stable where the assist is not; a rack position has the same chassis with both
-    state, lock = plant.initial_state(bare), 0.98 * p.rack_limit / p.pinion_radius
+    state, lock = plant.initial_state(bare), 0.98 * car.handwheel_lock(speed)
     names = {name: i for i, (name, _) in enumerate(plant.channels(p))}
     t = plant.SAMPLE_TIME * np.arange(1, round(_RAMP / plant.SAMPLE_TIME) + 1)
     inputs, row = np.zeros((t.size, len(INPUTS))), np.zeros((1, len(names)))
@@ -77,10 +87,18 @@ def cornering(car: Car, speed: float, chassis: str = "single_track", road_fricti
             break
         found.append(state.copy())
     every = np.array(found)
+    if by_wire:
+        angles = every[:, HANDWHEEL_ANGLE]
+        return Cornering(p, speed, every, angles, np.array([_wire_torque(p, a, speed) for a in angles]), end)
     whole = p.column.K_tb * (every[:, HANDWHEEL_ANGLE] - every[:, COLUMN_ANGLE])  # of torsion bar and boost
     grid = np.linspace(0.0, max(whole.max(), 1.0), 2000)
     torques = np.interp(whole, grid + [boost_curve(p.assist, T, speed)[0] for T in grid], grid)
     return Cornering(p, speed, every, every[:, COLUMN_ANGLE] + torques / p.column.K_tb, torques, end, compensated)
+
+
+def _wire_torque(p: Plant, angle: float, speed: float) -> float:
+    """Torque that resists by wire at an angle of the handwheel [rad] at rest [N m]."""
+    return float(plainly(feel_map)(p.assist.wire, angle, speed))
 
 
 def _without_compensation(p: Plant) -> tuple[Plant, Array | None]:
@@ -162,6 +180,8 @@ def _newton(c: Cornering, wanted: float, above: bool) -> Point:
 
     A request of the boost's size stands for the boost, so that the states settle where the assist loop is unstable.
     """
+    if isinstance(c.plant.assist.wire, Wire):
+        return _newton_by_wire(c, wanted)
     p = _off_knots(c.plant, wanted, c.speed, above)
     bare, a, K_tb, row = _without_boost(p), p.assist, p.column.K_tb, np.zeros((1, len(plant.channels(p))))
     k = int(np.argmax(c.torques >= wanted))
@@ -192,6 +212,33 @@ def _newton(c: Cornering, wanted: float, above: bool) -> Point:
         change = np.linalg.solve(J, -off)  # (P8)
         state[index] += change[:-1]
         u[HAND] += change[-1]
+        if not np.isfinite(state).all():
+            break
+    raise ValueError(
+        f"the car does not corner steadily with a torque of {wanted:g} N m at {3.6 * c.speed:.4g} km/h; give less"
+    )
+
+
+def _newton_by_wire(c: Cornering, wanted: float) -> Point:
+    """As :func:`_newton`: the map says which angle has the torque, and the car follows the angle (P8)."""
+    p, row, u = c.plant, np.zeros((1, len(plant.channels(c.plant)))), np.zeros(len(INPUTS))
+    k = int(np.argmax(c.torques >= wanted))
+    state = c.states[k].copy()
+    if not wanted or c.speed == 0.0:
+        return Point(p, c.states[0].copy(), u, c.speed)
+    u[HAND] = brentq(lambda angle: _wire_torque(p, angle, c.speed) - wanted, *c.angles[[max(k - 1, 0), k]], xtol=1e-14)
+    state[HANDWHEEL_ANGLE], state[HANDWHEEL_SPEED] = u[HAND], 0.0
+    if "longitudinal_speed" in dict(plant.channels(p)):
+        plant.run(p, state, np.tile(u, (_SPEED_HOLD_SAMPLES, 1)), row, 1)
+    for _ in range(20):
+        plant.run(p, state, np.tile(u, (_RELAXED, 1)), row, 1)
+        after = state.copy()
+        plant.run(p, after, np.tile(u, (STEPS_PER_CHASSIS_STEP, 1)), row, 1)
+        A, index = transition(p, state=state, inputs=u)
+        off = after[index] - state[index]
+        if np.all(np.abs(off) < 1e-10 * np.maximum(1.0, np.abs(state[index]))):
+            return Point(p, state, u, c.speed)
+        state[index] += np.linalg.solve(A - np.eye(index.size), -off)  # (P8)
         if not np.isfinite(state).all():
             break
     raise ValueError(

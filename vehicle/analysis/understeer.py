@@ -21,6 +21,7 @@ from steer_env.vehicle.analysis.linear_axles import Axles, Lateral, Moments, Rol
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.constants import GRAVITY
 from steer_env.vehicle.steering.assist import functions
+from steer_env.vehicle.steering.by_wire import Wire, ratio_at
 from steer_env.vehicle.steering.eps import boost_curve
 from steer_env.vehicle.steering.margins import boost_gain
 
@@ -140,7 +141,7 @@ def response(car: Car, speed: float, chassis: str = "single_track", torque: floa
     The handwheel turns the torsion bar, which turns the column against rack force, motor damping and assist. Phase
     lead, delay and lag of the motor are left out; they matter above some 5 Hz, as does the lag of the geometric load
     transfer. Of the assist's functions the lead-lag has its gain at 0 Hz; friction compensation is left out with the
-    friction.
+    friction. By wire the column follows the handwheel by the loop of the position, without delays (W2), (W3).
 
     Parameters
     ----------
@@ -157,7 +158,9 @@ def response(car: Car, speed: float, chassis: str = "single_track", torque: floa
     """
     v, two_track = _checked(speed, chassis)
     k, column, radius = linear_axles.axles(car, v, two_track), car.column, car.steering["pinion_radius"]
+    wire, ratio = car.assist.wire, ratio_at(car.assist.wire, v)
     states = (*_STATES, *(_ROLL_ON_TYRES if two_track else ()))
+    states += ("position_integral",) if isinstance(wire, Wire) else ()
     z = dict(zip((*states, "hand"), np.eye(len(states) + 1)))
     phi, hand, angle, deflection = z["roll_angle"], z["hand"], z["column_angle"], z["compliance_travel"]
     slip, tie_rods = (z["slip_front"], z["slip_rear"]), radius * angle - deflection
@@ -166,11 +169,16 @@ def response(car: Car, speed: float, chassis: str = "single_track", torque: floa
     # The damping of the bar would need the handwheel speed; the state is the column speed less C/I2 hand.
     more = functions.linear(car.assist.functions, v, torque)
     I2 = column.I2 - more.inertia
-    column_speed = z["column_speed"] = z["column_speed_less_hand"] + (column.C_tb - more.damping) / I2 * hand
+    by_speed = column.C_tb - more.damping + (wire.speed_gain * ratio if isinstance(wire, Wire) else 0.0)
+    column_speed = z["column_speed"] = z["column_speed_less_hand"] + by_speed / I2 * hand
     body, M, contact = (_roll_on_tyres if two_track else _roll_about_axis)(k, car, v, z, x, roll, tie_rods)
     gain, damping = boost_gain(car.assist, torque, v), boost_curve(car.assist, 0.0, v)[1]
     on_column = (1.0 + gain + more.gain) * column.K_tb * (hand - angle) - radius * M.rack - more.stiffness * hand
     on_column = on_column - (column.C2 + column.C_tb + damping) * column_speed
+    if isinstance(wire, Wire):
+        off = wire.position_gain * (ratio * hand - angle) - column_speed  # (W2) without the handwheel speed
+        on_column += wire.speed_gain * off + z["position_integral"] + wire.integral_gain * ratio * hand  # (W3)
+        body["position_integral"] = wire.integral_gain * off
     # (L14)
     rates = body | {
         "column_angle": column_speed,

@@ -15,6 +15,7 @@ from steer_env.vehicle.chassis.two_track import brakes, drivetrain, speed_hold
 from steer_env.vehicle.keys import declared_keys
 from steer_env.vehicle.plant import Plant
 from steer_env.vehicle.steering import column, eps
+from steer_env.vehicle.steering.by_wire import handwheel_lock, ratio_at
 from steer_env.vehicle.steering.kinds import common as kinds
 from steer_env.vehicle.suspension.kinematics_table import KinematicsTable
 from steer_env.vehicle.suspension.macpherson import MacPherson
@@ -181,10 +182,18 @@ class Car(NamedTuple):
         """Steering compliance of both wheels, seen at the rack straight ahead [N/m] (P5)."""
         return self.steering["compliance"] * self.steer_per_rack() ** 2  # (P5)
 
-    def steering_gain(self) -> float:
-        """Road-wheel angle per handwheel angle, straight ahead, without compliance [1]."""
-        return self.steering["pinion_radius"] * self.steer_per_rack()
+    def steering_gain(self, speed: float | None = None) -> float:
+        """Road-wheel angle per handwheel angle, straight ahead, without compliance [1].
 
-    def steering_ratio(self) -> float:
-        """Handwheel angle per road-wheel angle, straight ahead, without compliance [1]."""
-        return 1.0 / self.steering_gain()
+        By wire it depends on the vehicle speed [m/s]; without one it is that of the pinion.
+        """
+        by_wire = 1.0 if speed is None else ratio_at(self.assist.wire, speed)
+        return self.steering["pinion_radius"] * self.steer_per_rack() * by_wire
+
+    def steering_ratio(self, speed: float | None = None) -> float:
+        """Handwheel angle per road-wheel angle, as :meth:`steering_gain` [1]."""
+        return 1.0 / self.steering_gain(speed)
+
+    def handwheel_lock(self, speed: float) -> float:
+        """Handwheel angle at the end stop of the rack, without twist of a torsion bar, at a vehicle speed [rad]."""
+        return handwheel_lock(self.steering["rack_limit"], self.steering["pinion_radius"], self.assist.wire, speed)

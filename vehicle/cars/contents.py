@@ -12,6 +12,7 @@ from steer_env.friction.numerics.check import parameters_of
 from steer_env.vehicle import tyre
 from steer_env.vehicle.cars.keys import CONSTRUCTORS, TEXT_KEYS
 from steer_env.vehicle.keys import declared_keys
+from steer_env.vehicle.steering.by_wire import NoWire
 from steer_env.vehicle.steering.kinds import common as kinds
 from steer_env.vehicle.suspension.macpherson import MacPherson
 
@@ -32,6 +33,9 @@ _HEADINGS = {
     "rack_eps": "This section makes the steering a rack EPS: inertia and damping below the torsion bar and the limit\n"
     "of the assist follow from it. A boost here, in N at the rack, may replace that of the assist. Losses of the gear\n"
     "are friction, which is lugre@rack_eps where none is given.",
+    "steer_by_wire": "This section makes the steering a steer-by-wire: torsion bar, boost, damping and functions of\n"
+    "the assist go; inertia, damping and the limit of the motor at the rack follow. Torques of the feel are those at\n"
+    "the handwheel. The friction is lugre@steer_by_wire where none is given.",
     "column": "What the driver feels through: the handwheel, the torsion bar and what is below it.",
     "assist": "Torques are those at the column.",
     "drivetrain": "Only two tracks have a drivetrain, brakes and a speed hold.",
@@ -45,6 +49,10 @@ def data(car: "Car") -> dict[str, Any]:
     strut = MacPherson.packaged(given["strut"], car.chassis["front_track"])
     if (strut.points, strut.loaded_radius) != (car.strut.points, car.strut.loaded_radius):
         raise ValueError(f"strut {BY_HAND}")
+    parts = {section: getattr(car, section) for section in CONSTRUCTORS}
+    wire, parts["assist"] = car.assist.wire, car.assist._replace(wire=NoWire())
+    if not _same(wire, kinds.wire(given, car.assist.limit) or NoWire()):
+        raise ValueError(f"{car.kind} {BY_HAND}")
     found = {
         **{key: getattr(car, key) for key in TEXT_KEYS},
         "assumed": list(given["assumed"]),
@@ -52,12 +60,12 @@ def data(car: "Car") -> dict[str, Any]:
         "strut": given["strut"],
         "chassis": dict(car.chassis),
         "steering": dict(car.steering),
-        **{section: _keys(section, given[section], getattr(car, section)) for section in CONSTRUCTORS},
+        **{section: _keys(section, given[section], part) for section, part in parts.items()},
     }
     return found if car.kind == kinds.COLUMN_EPS else _of_kind(found, car.kind, given[car.kind])
 
 
-def _of_kind(found: dict[str, Any], name: str, section: Mapping[str, float]) -> dict[str, Any]:
+def _of_kind(found: dict[str, Any], name: str, section: Mapping[str, Any]) -> dict[str, Any]:
     """The contents with the section of the kind of steering in place of the keys at the column that follow from it."""
     for other, keys in kinds.KINDS[name].at_column(section, found["steering"]["pinion_radius"]).items():
         for key, value in keys.items():

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.friction.numerics import toml
-from steer_env.friction.numerics.check import one_of, parameters_of, warn_once
+from steer_env.friction.numerics.check import number, one_of, parameters_of, warn_once
+from steer_env.friction.numerics.frozen import frozen
 from steer_env.vehicle import tyre
 from steer_env.vehicle.cars import contradictions, plausible
 from steer_env.vehicle.cars.car import Car
@@ -29,6 +30,7 @@ from steer_env.vehicle.cars.keys import (
     require_known,
 )
 from steer_env.vehicle.keys import LARGEST, declared_keys
+from steer_env.vehicle.steering import wire_loops
 from steer_env.vehicle.steering.assist.by_speed import table
 from steer_env.vehicle.steering.kinds import common as kinds
 from steer_env.vehicle.suspension import kinematics_table
@@ -69,13 +71,19 @@ def _checked(data: dict[str, Any]) -> Car:
         if key not in assumed:
             raise ValueError(f"assumed names {key!r}, which is neither a section nor a key of chassis or steering")
     strut = MacPherson.packaged(data["strut"], chassis["front_track"])
+    parts = {section: _construct(section, data[section]) for section in CONSTRUCTORS}
+    if wire := kinds.wire(data, parts["assist"].limit):
+        parts["assist"] = frozen(parts["assist"]._replace(wire=wire))
+        wire_loops.check(parts["column"], parts["assist"])
+    elif not parts["column"].K_tb:
+        number("column.K_tb", 0.0, minimum=0.0, above=True)
     car = Car(
         name=data["name"],
         description=data["description"],
         source=data["source"],
         chassis=chassis,
         steering=steering,
-        **{section: _construct(section, data[section]) for section in CONSTRUCTORS},
+        **parts,
         tyre=_tyre(data["tyre"]),
         strut=strut,
         kinematics_table=_kinematics(strut, steering["rack_limit"]),
@@ -109,12 +117,14 @@ def _at_column(data: dict[str, Any], pinion_radius: float) -> dict[str, Any]:
     for other in ("column", "assist"):
         require_known(other, data[other], parameters_of(CONSTRUCTORS[other]))
     section = dict(data[name])
-    if "boost" in section:
+    if kind.boost is not None and "boost" in section:
         if "boost" in data["assist"]:
             raise ValueError(f"{name}.boost and assist.boost are both given: give one of them")
         own = _boost(name, section.pop("boost"))
         found["assist"] = {**data["assist"], "boost": kind.boost(own, pinion_radius).tolist()}
-    found[name] = numbers(name, section)
+    tables = {key: section.pop(key, default) for key, default in kind.tables.items()}
+    _require_forms(name, tables, kind.tables)
+    found[name] = {**numbers(name, section), **tables}
     for other, keys in kind.at_column(found[name], pinion_radius).items():
         for key, value in keys.items():
             if (given := found[other].get(key, value)) != value:
@@ -188,19 +198,24 @@ def _construct(section: str, given: Any) -> Any:
     make = CONSTRUCTORS[section]
     known = parameters_of(make)
     require_known(section, given, known)
-    for key, value in given.items():
-        wanted = _depth(known[key].default)
-        if _depth(value) > wanted:
-            raise ValueError(f"{section}.{key} must be {_FORMS[wanted]}, got {value!r}")
-        if isinstance(known[key].default, str):
-            if not isinstance(value, str):
-                raise ValueError(f"{section}.{key} must be text, got {value!r}")
-            continue
-        _require_numbers(f"{section}.{key}", value)
+    _require_forms(section, given, {key: parameter.default for key, parameter in known.items()})
     try:
         return make(**given)
     except ValueError as error:
         raise ValueError(f"{section}.{error}") from None
+
+
+def _require_forms(section: str, given: Mapping[str, Any], defaults: Mapping[str, Any]) -> None:
+    """Raise ValueError unless each value of a section is text or holds numbers, nested as deep as its default."""
+    for key, value in given.items():
+        wanted = _depth(defaults[key])
+        if _depth(value) > wanted:
+            raise ValueError(f"{section}.{key} must be {_FORMS[wanted]}, got {value!r}")
+        if isinstance(defaults[key], str):
+            if not isinstance(value, str):
+                raise ValueError(f"{section}.{key} must be text, got {value!r}")
+            continue
+        _require_numbers(f"{section}.{key}", value)
 
 
 def available() -> tuple[str, ...]:
@@ -224,8 +239,9 @@ def load(
 
     ``changes`` set keys of the car that ``name`` gives: ``{"column.K_tb": 143.0, "tyre": "my.tir"}``.
 
-    ``steering`` asks for a kind of steering, ``column_eps`` or ``rack_eps``: a car that has it is itself, and a
-    packaged car that has another one is the packaged ``NAME_KIND``, as ``compact_rack_eps`` for ``compact``.
+    ``steering`` asks for a kind of steering, ``column_eps``, ``rack_eps`` or ``steer_by_wire``: a car that has it is
+    itself, and a packaged car that has another one is the packaged ``NAME_KIND``, as ``compact_rack_eps`` for
+    ``compact``.
 
     Raises
     ------

@@ -20,6 +20,7 @@ from steer_env.vehicle.constants import GRAVITY
 from steer_env.vehicle.keys import JUDGEMENT, declared_keys
 from steer_env.vehicle.steering import stability
 from steer_env.vehicle.steering.assist.functions import Functions
+from steer_env.vehicle.steering.by_wire import Wire
 from steer_env.vehicle.steering.motor import Motor
 
 if TYPE_CHECKING:
@@ -220,7 +221,8 @@ _OF_KIND = {
 
 def quantities(car: "Car") -> list[Quantity]:
     """The quantities that a car has, with those of its kind of steering."""
-    return [*USUAL, *_OF_KIND.get(car.kind, ())]
+    without = {"column.K_tb", "column.C_tb"} if isinstance(car.assist.wire, Wire) else set()  # no torsion bar
+    return [q for q in (*USUAL, *_OF_KIND.get(car.kind, ())) if q.name not in without]
 
 
 def unusual(car: "Car") -> list[str]:

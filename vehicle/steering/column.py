@@ -70,10 +70,11 @@ def make(
     ValueError
         An inertia or stiffness that is not positive, or a damping below zero.
     """
+    by_wire = K_tb == C_tb == 0.0  # without torsion bar, which a car file has with a wire only
     return Column(
         checked("column", "I1", I1),
         checked("column", "I2", I2),
-        checked("column", "K_tb", K_tb),
+        0.0 if by_wire else checked("column", "K_tb", K_tb),
         checked("column", "C_tb", C_tb),
         checked("column", "C1", C1),
         checked("column", "C2", C2),

@@ -24,13 +24,13 @@ from steer_env.friction.numerics.check import number
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.interpolation import bracket
 from steer_env.friction.numerics.kernel import kernel
-from steer_env.friction.numerics.simd import any_of
 from steer_env.vehicle.keys import checked
 from steer_env.vehicle.steering import motor
 from steer_env.vehicle.steering.assist import damping as damping_law
 from steer_env.vehicle.steering.assist import functions
 from steer_env.vehicle.steering.assist.by_speed import by_speed, interpolate_cell, table
 from steer_env.vehicle.steering.assist.functions import Functions, NoFunctions
+from steer_env.vehicle.steering.by_wire import NoWire
 from steer_env.vehicle.steering.motor import Motor, NoMotor
 
 SAMPLE_TIME = 1e-3  # [s]
@@ -73,6 +73,7 @@ class Assist(NamedTuple):
     limit: float  # motor peak torque at the column [N m]
     functions: Functions | NoFunctions = NoFunctions()  # in addition to boost and damping
     motor: Motor | NoMotor = NoMotor()  # its limits beside the largest torque
+    wire: Any = NoWire()  # by_wire.Wire of a steer-by-wire, whose motor at the rack this one is
 
 
 def make(
@@ -195,7 +196,7 @@ def keys(a: Assist) -> dict[str, Any]:
 
 
 def without_assist(a: Assist) -> Assist:
-    """The same controller without boost, damping and functions, as if the motor were off."""
+    """The same controller without boost, damping and functions, as if the motor were off; a wire stays as it is."""
     return frozen(a._replace(boost=0.0 * a.boost, damping=0.0 * a.damping, functions=NoFunctions()))
 
 
@@ -245,26 +246,12 @@ def sample(a, x, torsion_bar_torque, column_speed, vehicle_speed, request):
 
 
 @kernel
-def _follow(a, x, command, h, lost):
-    """Impulse of the motor torque over ``h`` at a constant command [N m s], exact for the first-order lag (E2)."""
-    gap = x[MOTOR_TORQUE] - command
-    x[MOTOR_TORQUE] -= gap * lost  # (E2)
-    return command * h + gap * lost / a.bandwidth  # (E2)
-
-
-@kernel
 def motor_step(a, x, heat, before, after, elapsed, speed, h):
     """Mean motor torque [N m] over a step ``h`` that starts ``elapsed`` after the last sample [s] (E5).
 
     ``speed`` is that of the column [rad/s], ``heat`` the states of the motor's limits.
     """
     before, after = motor.limited(a.motor, heat, before, speed), motor.limited(a.motor, heat, after, speed)
-    first = within(a.offset - elapsed, 0.0, h)
-    rest = h - first
-    lost = -math.expm1(-a.bandwidth * first)
-    impulse = _follow(a, x, before, first, lost)
-    if any_of(rest != first):  # the default offset splits the step into equal halves
-        lost = -math.expm1(-a.bandwidth * rest)
-    mean = (impulse + _follow(a, x, after, rest, lost)) / h  # (E5)
+    mean = motor.lagged(a.bandwidth, a.offset, x, MOTOR_TORQUE, before, after, elapsed, h)  # (E5)
     motor.warm(a.motor, heat, mean, h)
     return mean

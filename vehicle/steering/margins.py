@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from steer_env.friction.numerics.frozen import frozen
-from steer_env.vehicle.steering import linear
+from steer_env.vehicle.steering import by_wire, linear, wire_loops
 from steer_env.vehicle.steering.assist import active_return
 from steer_env.vehicle.steering.assist.functions import Functions, gain_at
 from steer_env.vehicle.steering.column import Column
@@ -71,6 +71,7 @@ def transmitted(a: Assist, factor: float) -> Assist:
     if factor == 1.0:
         return a
     f = a.functions
+    wire = by_wire.transmitted(a.wire, factor)
     if isinstance(f, Functions):
         of_return = f.active_return
         f = f._replace(
@@ -80,7 +81,7 @@ def transmitted(a: Assist, factor: float) -> Assist:
             lead_lag=f.lead_lag._replace(gain=factor * f.lead_lag.gain),
             friction_compensation=f.friction_compensation._replace(gain=0.0 * f.friction_compensation.gain),
         )
-    return frozen(a._replace(boost=factor * a.boost, damping=factor * a.damping, functions=f))  # (E25)
+    return frozen(a._replace(boost=factor * a.boost, damping=factor * a.damping, functions=f, wire=wire))  # (E25)
 
 
 def boost_gain(a: Assist, torque: float, speed: float) -> float:
@@ -183,8 +184,11 @@ def of_cells(c: Column, a: Assist, speed: float, transmissions: Sequence[float] 
     """The column's loop in every cell of the boost table that answers the torque at a speed [m/s].
 
     It is :func:`least` over the factors of (E25), which :func:`steer_env.friction.sites.transmissions` gives for a
-    friction, and with functions of the assist over their slopes of :func:`slopes_of_functions`.
+    friction, and with functions of the assist over their slopes of :func:`slopes_of_functions`. By wire a cell is one
+    of the feel's map, whose slope is in N m/rad, and each has the margins of the rack's loop, too (W8), (W9).
     """
+    if isinstance(a.wire, by_wire.Wire):
+        return _cells_by_wire(c, a, speed, transmissions)
     each = [_cells(c, transmitted(a, factor), speed) for factor in transmissions]
     return [
         Cell(cells[0].torque, boost_gain(a, cells[0].torque, speed), least([cell.margins for cell in cells]))
@@ -203,6 +207,19 @@ def _cells(c: Column, a: Assist, speed: float) -> list[Cell]:
             pairs += own
     found = iter(of_slopes(c, a, pairs, speed))  # all at once, as the plant is the same for all
     return [Cell(torque, slope, least(list(islice(found, count)))) for torque, slope, count in cells]
+
+
+def _cells_by_wire(c: Column, a: Assist, speed: float, transmissions: Sequence[float]) -> list[Cell]:
+    z = np.exp(2j * math.pi * FREQUENCIES * SAMPLE_TIME)
+
+    def margins(loop: wire_loops.Loop) -> Margins:
+        return read(FREQUENCIES, loop.response(z), bool(np.abs(loop.poles()).max() <= wire_loops.STABLE))
+
+    of_rack = [margins(wire_loops.position_loop(c, transmitted(a, factor))) for factor in transmissions]
+    return [
+        Cell(torque, slope, least([*of_rack, *map(margins, wire_loops.feel_loops(c, a.wire, slope, speed))]))
+        for torque, slope in wire_loops.slopes(a.wire, speed)
+    ]
 
 
 def worst_margins(c: Column, a: Assist, speed: float, transmissions: Sequence[float] = (1.0,)) -> Margins:

@@ -13,6 +13,7 @@ Source: the limits of permanent-magnet synchronous machines at a limited current
 theta_0 are assumed.
 """
 
+import math
 from inspect import signature
 from typing import Any, NamedTuple
 
@@ -24,6 +25,7 @@ from steer_env.friction.numerics.bounds import within
 from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.interpolation import bracket
 from steer_env.friction.numerics.kernel import COMPILED, dispatch, kernel
+from steer_env.friction.numerics.simd import any_of
 from steer_env.friction.numerics.units import (
     RETURNS_NOTHING,
     RETURNS_NUMBER,
@@ -130,6 +132,29 @@ def keys(m: "Motor | NoMotor") -> dict[str, Any]:
 def states(m: "Motor | NoMotor") -> tuple[tuple[str, str], ...]:
     """Names and units of the states."""
     return () if isinstance(m, NoMotor) else (("motor_temperature", "1"),)
+
+
+@kernel
+def _follow(bandwidth, x, at, command, h, lost):
+    """Impulse of the motor torque over ``h`` at a constant command [N m s], exact for the first-order lag (E2)."""
+    gap = x[at] - command
+    x[at] -= gap * lost  # (E2)
+    return command * h + gap * lost / bandwidth  # (E2)
+
+
+@kernel
+def lagged(bandwidth, offset, x, at, before, after, elapsed, h):
+    """Mean torque [N m] of a motor over a step ``h`` that starts ``elapsed`` after the last sample [s] (E5).
+
+    Its torque is ``x[at]``, its command ``before`` until ``offset`` after the sample, and ``after`` from then on.
+    """
+    first = within(offset - elapsed, 0.0, h)
+    rest = h - first
+    lost = -math.expm1(-bandwidth * first)
+    impulse = _follow(bandwidth, x, at, before, first, lost)
+    if any_of(rest != first):  # the default offset splits the step into equal halves
+        lost = -math.expm1(-bandwidth * rest)
+    return (impulse + _follow(bandwidth, x, at, after, rest, lost)) / h  # (E5)
 
 
 @kernel

@@ -12,8 +12,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from steer_env.vehicle.steering import linear
+from steer_env.vehicle.steering import linear, wire_loops
 from steer_env.vehicle.steering.assist.functions import Functions, NoFunctions, gain_at
+from steer_env.vehicle.steering.by_wire import Wire
 from steer_env.vehicle.steering.column import Column
 from steer_env.vehicle.steering.eps import SAMPLE_TIME, Assist, boost_curve
 
@@ -24,6 +25,8 @@ ROUNDING = 1e-6  # growth of an oscillation in a sample that counts as none [1]
 
 def growth(c: Column, a: Assist, speed: float, free: bool) -> float:
     """Largest growth of an oscillation above 3 Hz in a sample, over every slope; above 1 the loop is unstable [1]."""
+    if isinstance(a.wire, Wire):
+        return wire_loops.growth(c, a, speed, free, SLOWEST)
     boost = [boost_curve(a, torque, speed)[0] for torque in a.torques]
     slopes = np.unique(np.diff(boost) / np.diff(a.torques))
     poles = linear.poles(linear.plant(c, a, speed, free=free), a, slopes).ravel()
@@ -114,6 +117,8 @@ def reason(c: Column, a: Assist, speed: float, *, free: bool) -> str:
     """
     if stable(c, a, speed, free=free):
         return ""
+    if isinstance(a.wire, Wire):
+        return wire_loops.reason(c, a, speed, free)
     hands = "with the hands off" if free else "with the handwheel held"
     text = f"the assist loop is unstable at {3.6 * speed:.4g} km/h {hands}"
 

@@ -259,7 +259,9 @@ function steerSimulation(rate, regrip) {
       @param {Float64Array} numbers @param {Manoeuvre} manoeuvre */
   function prescribed(car, numbers, manoeuvre) {
     const { places } = car.structure;
-    if (manoeuvre.lock) return numbers[places.rack_limit[0]] / numbers[places.pinion_radius[0]];
+    const byWire = places["assist.wire.ratio"]; // whose first value is that of a standing car, as these manoeuvres have it
+    const ratio = byWire ? numbers[byWire[0]] : 1;
+    if (manoeuvre.lock) return numbers[places.rack_limit[0]] / numbers[places.pinion_radius[0]] / ratio;
     return manoeuvre.amplitude;
   }
 

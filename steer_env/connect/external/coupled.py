@@ -123,7 +123,7 @@ class Coupled:
                 raise ValueError(f"{name} needs the channel {needed}, which {vehicle.name} does not give")
         return replace(manoeuvre, chassis="two_track")
 
-    def about(self, car: Car) -> dict[str, Any]:
+    def about(self, car: Car, speed: float) -> dict[str, Any]:
         """What recordings tell of the vehicle in place of chassis, tyre and geometry of this project's car."""
         return {"chassis": self._chassis, "tyre": f"that of {self.vehicle.name}", **self.vehicle.meta}
 

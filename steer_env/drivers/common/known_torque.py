@@ -65,7 +65,7 @@ def known_torque(car: Car, conditions: Conditions, response: Response) -> KnownT
     ahead = car.chassis["front_axle"]
     amplitude = min(ACCELERATION / acceleration_gain(car, speed), LARGEST_ANGLE)
     torque, lateral_speed, yaw_rate = np.array([response(conditions, amplitude, f) for f in FREQUENCIES]).T
-    by_speed = 1.0 / (speed * car.steering_gain())
+    by_speed = 1.0 / (speed * car.steering_gain(speed))
     alpha = 1.0 - by_speed * (lateral_speed + ahead * yaw_rate)
     if np.linalg.norm(omega * alpha) < LEAST_SLIP * np.linalg.norm(omega):
         by_speed, alpha = 0.0, np.ones_like(alpha)

@@ -134,9 +134,12 @@ def _run(m, car, place, follows, state, given, inputs):
 def _column(m, car, place, state, twist):
     """What a column adds to the equation of the handwheel, ``a w1 = r + hand torque`` (C4), over a step.
 
-    ``twist`` is the torque of a torsion bar that no longer moves [N m]; NaN where it does.
+    ``twist`` is the torque of a torsion bar that no longer moves [N m]; NaN where it does. By wire there is none, and
+    the motor gives the torque that it gave at the end of the last sample.
     """
     c, q = m.columns[car], state[HEAD + place * m.start.shape[1] :]
+    if c.K_tb == 0.0 and twist != twist:
+        twist = m.rows[place, _TORQUE]
     inertia = 2.0 * (c.I1 + c.I_arm) / SAMPLE_TIME
     a = inertia + c.C1 + c.C_arm + 0.5 * SAMPLE_TIME * c.K_arm
     r = inertia * q[HANDWHEEL_SPEED] - c.K_arm * q[HANDWHEEL_ANGLE]

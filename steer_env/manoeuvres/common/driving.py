@@ -20,6 +20,7 @@ from steer_env.vehicle import chassis, plant
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.chassis.common.interface import Names
 from steer_env.vehicle.steering import column, motor, stability
+from steer_env.vehicle.steering.by_wire import handwheel_lock
 from steer_env.vehicle.steering.eps import SAMPLE_TIME, without_assist
 from steer_env.vehicle.tyre import BEYOND_TYRE
 
@@ -55,8 +56,8 @@ class Simulator(Protocol):
     def run(self, p: plant.Plant, state: Array, inputs: Array, record: Array, substeps: int) -> bool:
         """As :func:`steer_env.vehicle.plant.run`."""
 
-    def about(self, car: Car) -> dict[str, Any]:
-        """What the meta of a recording tells of the vehicle."""
+    def about(self, car: Car, speed: float) -> dict[str, Any]:
+        """What the meta of a recording tells of the vehicle at a speed [m/s]."""
 
 
 class WholeCar:
@@ -123,11 +124,11 @@ class WholeCar:
             self._by_kind[name] = of, found
         return found
 
-    def about(self, car: Car) -> dict[str, Any]:
-        """The geometry and the limits of the motor, which metrics need."""
+    def about(self, car: Car, speed: float) -> dict[str, Any]:
+        """The geometry at a speed [m/s] and the limits of the motor, which metrics need."""
         return {
             "wheelbase_m": car.chassis["front_axle"] + car.chassis["rear_axle"],
-            "steering_ratio": car.steering_ratio(),
+            "steering_ratio": car.steering_ratio(speed),
             "motor": {"limit": car.assist.limit, **motor.keys(car.assist.motor)},
         }
 
@@ -490,7 +491,7 @@ def open_loops(
     if m.amplitude is not None:
         amplitudes: list[float | ValueError] = [m.amplitude] * len(cars)
     elif m.lock:
-        amplitudes = [p.rack_limit / p.pinion_radius for p, _ in cars]
+        amplitudes = [handwheel_lock(p.rack_limit, p.pinion_radius, p.assist.wire, m.speed) for p, _ in cars]
     else:
         found = _search(cars, near, simulator)
         amplitudes = [each if isinstance(each, ValueError) else each.amplitude for each in found]
@@ -546,7 +547,7 @@ def drive_plant(
             "speed_m_s": manoeuvre.speed,
             **steered,
             "frequency_hz": manoeuvre.frequency,
-            **simulator.about(car),
+            **simulator.about(car, manoeuvre.speed),
             **(_beyond_tyre(car, channels) if simulator is OWN_SIMULATOR else {}),
             **manoeuvre.meta,
         },

@@ -9,4 +9,4 @@ TWO_TRACK = ("two_track",)  # the only chassis on which a car can stand
 
 def angle_at_lock(context: EpisodeContext) -> float:
     """Handwheel angle at the rack's end stop [rad]."""
-    return context.car.steering["rack_limit"] / context.car.steering["pinion_radius"]
+    return context.car.handwheel_lock(0.0)

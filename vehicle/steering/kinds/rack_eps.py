@@ -16,26 +16,17 @@ pulley of 3e-4 kg m2 over the square of the belt ratio; wheels, rack and damping
 of the compact (0.007 kg m2, 3 kg, 0.6 N m s/rad), the pinion has its shaft's 0.003 kg m2.
 """
 
-import math
+from typing import Any
 
 from numpy.typing import NDArray
 
-from steer_env.vehicle.steering.kinds.common import KINDS, Kind, Section
+from steer_env.vehicle.steering.kinds.common import KINDS, Kind, Section, at_pinion
 
 
-def motor_per_rack(p: Section) -> float:
-    """Motor angle over rack travel [rad/m]."""
-    return 2.0 * math.pi * p["belt_ratio"] / p["screw_lead"]  # (C10)
-
-
-def at_column(p: Section, pinion_radius: float) -> dict[str, dict[str, float]]:
+def at_column(p: Section, pinion_radius: float) -> dict[str, dict[str, Any]]:
     """The keys of the sections ``column`` and ``assist`` that follow, SI, for a pinion radius [m]."""
-    n, squared = motor_per_rack(p), pinion_radius**2
-    mass = p["rack_mass"] + p["wheels_mass"] + n**2 * p["motor_inertia"]
-    return {
-        "column": {"I2": p["pinion_inertia"] + squared * mass, "C2": squared * p["rack_damping"]},  # (C11)
-        "assist": {"limit": pinion_radius * n * p["motor_torque"], "motor_ratio": pinion_radius * n},  # (C12)
-    }
+    I2, C2, limit, ratio = at_pinion(p, pinion_radius, p["pinion_inertia"])
+    return {"column": {"I2": I2, "C2": C2}, "assist": {"limit": limit, "motor_ratio": ratio}}
 
 
 def boost(table: NDArray, pinion_radius: float) -> NDArray:
