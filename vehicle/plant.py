@@ -196,6 +196,7 @@ def sample(p, at, state, speed, request):
             measured.handwheel_speed,
             state[column.COLUMN_ANGLE],
             measured.column_speed,
+            state[at.assist + eps.MOTOR_TORQUE],
             measured.speed,
             functions.requested(p.assist.functions, state[at.functions : at.memory], measured, request),
         ),

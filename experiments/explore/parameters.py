@@ -352,4 +352,4 @@ def _assist(car: Car, values: Values) -> eps.Assist:
         return made
     own = {key: checked(SECTION, key, values.get(f"{SECTION}.{key}", car.given[SECTION][key])) for key in _OF_WIRE}
     given = {**car.given, SECTION: {**car.given[SECTION], **own}}
-    return made._replace(wire=kinds.wire(given, made.limit))
+    return made._replace(wire=kinds.wire(given))

@@ -8,15 +8,17 @@ import numba
 import numpy as np
 import pytest
 
-from steer_env import friction
+from steer_env import friction, manoeuvres
 from steer_env.drivers.common.known_torque import acceleration_gain
+from steer_env.experiments.studies import rack_observer
 from steer_env.friction.sites import transmissions
 from steer_env.vehicle import cars, plant
 from steer_env.vehicle.analysis import understeer
 from steer_env.vehicle.analysis.assist_loop import margins as margins_of_car
+from steer_env.vehicle.analysis.assist_loop import open_loop
 from steer_env.vehicle.analysis.linearised import linearise
 from steer_env.vehicle.analysis.operating_point import cornering, steady, with_hands
-from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST, HAND, HAND_SPEED, INPUTS
+from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST, HAND, HAND_SPEED, INPUTS, RACK_DISTURBANCE
 from steer_env.vehicle.constants import GRAVITY
 from steer_env.vehicle.plant import CHANNEL
 from steer_env.vehicle.steering import linear, margins, wire_loops
@@ -30,10 +32,11 @@ NO_FRICTION = friction.make("viscous", sigma_2=0.0)
 Z = np.exp(2j * math.pi * margins.FREQUENCIES * SAMPLE_TIME)
 
 
-def run(p, hand, request=0.0, hand_speed=0.0):
+def run(p, hand, request=0.0, hand_speed=0.0, disturbance=0.0):
     """Channels (T,) of a plant by name that starts in straight running."""
     u, record = np.zeros((len(hand), len(INPUTS))), np.zeros((len(hand), len(plant.channels(p))))
     u[:, HAND], u[:, HAND_SPEED], u[:, ASSIST_REQUEST] = hand, hand_speed, request
+    u[:, RACK_DISTURBANCE] = disturbance
     assert plant.run(p, plant.initial_state(p), u, record, 1)
     return {name: record[:, i] for name, i in CHANNEL.items()}
 
@@ -200,13 +203,69 @@ def test_feel_is_passive_up_to_the_stated_delay():
         assert all(work_of_a_cycle(late, law, amplitude, 10.0) > 0.0 for amplitude in (0.002, 0.02, 0.2))
 
 
+@pytest.mark.parametrize("name", ["torque_map", "rack_force", "blended"])
+def test_feels_keep_their_margins_in_the_whole_car(name):
+    """Wire, rack and tyres are in the loop of a feel that knows the rack force: 30 deg and 6 dB with free hands."""
+    car = cars.load(CAR, {"steer_by_wire.feel_law": name})
+    for speed in (11.1, 27.8):
+        turn = cornering(car, speed)
+        for torque, law in ((0.0, "lugre"), (2.0, None)):
+            point = with_hands(steady(turn, torque=torque), "off", law)
+            found = margins_of_car(point)
+            assert point.torque == pytest.approx(torque, abs=1e-6)
+            assert found.stable
+            assert math.degrees(found.phase) >= 30.0
+            assert 20.0 * math.log10(found.gain) >= 6.0
+    if name == "torque_map":  # of which the rack is no part: the loop of the handwheel alone
+        alone = wire_loops.feel_loop(
+            car.column, car.assist.wire, *_slopes(car.assist.wire, point), wire_loops.HANDS[0]
+        ).response(Z[50:300])
+        np.testing.assert_allclose(open_loop(point).response(margins.FREQUENCIES[50:300]), alone, rtol=1e-4, atol=1e-4)
+
+
+def _slopes(w, point):
+    """Stiffness and damping of the map at a point."""
+    ends = [wire_loops.torque_at(w, point.handwheel_angle + side, 0.0, point.speed) for side in (-1e-6, 1e-6)]
+    return (ends[1] - ends[0]) / 2e-6, float(np.interp(point.speed, w.speeds, w.damping))
+
+
+def test_feel_of_the_rack_force():
+    """A held handwheel feels a force on the rack by its table, late by the wire; by the map it feels nothing."""
+    push = np.where(np.arange(1500) >= 500, 600.0, 0.0)
+    for name, expected in (("rack_force", 1.0), ("torque_map", 0.0), ("blended", 0.5)):
+        car = cars.load(CAR, {"steer_by_wire.feel_law": name, "steer_by_wire.observer_law": "viscous,sigma_2=0.0"})
+        p = car.plant(NO_FRICTION, SPEED, robot=True)
+        found = run(p, np.zeros(1500), disturbance=push)
+        w = car.assist.wire
+        told = float(np.interp(600.0 + found["rack_force"][-1], w.forces, w.force_feel))
+        assert found["torsion_bar_torque"][-1] == pytest.approx(expected * told, rel=0.01, abs=1e-9)
+        assert np.abs(found["torsion_bar_torque"][:502]).max() < 1e-9
+
+
+def test_a_wire_beyond_the_margin_of_the_feel_is_refused():
+    late = {
+        "steer_by_wire.feel_law": "rack_force",
+        "steer_by_wire.wire_delay": 0.02,
+        "steer_by_wire.damping": [0.2] * 8,
+    }
+    with pytest.raises(ValueError, match=r"feel by the rack force is unstable with steer_by_wire.wire_delay 0.02 s: "):
+        manoeuvres.drive(cars.load(CAR, late), manoeuvres.make("release"), "lugre")
+
+
+def test_observer_tells_the_rack_force():
+    """In the weave at most 15 % off without knowledge of the friction at the rack, and 6 % with it."""
+    found = rack_observer.errors(CAR, "masing")
+    assert 0.10 < found.uncompensated < 0.15
+    assert max(found.one_law, found.own_law) < 0.06
+
+
 def test_messages_arrive_late_and_at_their_sample_time():
     """The rack's request changes when the message of a turned handwheel arrives, every third sample, five later."""
     w = cars.load(CAR, {"steer_by_wire.wire_delay": 0.005, "steer_by_wire.wire_sample_time": 0.003}).assist.wire
     x, requests = np.zeros(len(states(w))), []
     for i in range(14):
         angle = 0.1 if i >= 2 else 0.0  # after the message at sample 0; the next one is sent at sample 3
-        requests.append(sampled(w, x, angle, 0.0, 0.0, 0.0, SPEED, 0.0))
+        requests.append(sampled(w, x, angle, 0.0, 0.0, 0.0, 0.0, SPEED, 0.0))
     proportional = w.speed_gain * w.position_gain * 0.1 * ratio_at(w, SPEED)
     assert np.flatnonzero(requests)[0] == 8
     assert requests[8] == pytest.approx(proportional)
@@ -225,7 +284,8 @@ def test_packaged_feel_is_the_wanted_torque_over_the_acceleration():
 
 def test_one_machine_code_serves_column_and_wire():
     """Neither the wire nor the wanted friction is in the type of a bound plant."""
-    others = (CAR, cars.load(CAR, {"steer_by_wire.friction_law": "masing"}))
+    changes = ({}, {"steer_by_wire.friction_law": "masing"}, {"steer_by_wire.feel_law": "blended"})
+    others = [cars.load(CAR, each) for each in changes]
     kinds = {numba.typeof(plant.bound(car.plant(None, SPEED))) for car in (cars.load("compact"), *others)}
     assert len(kinds) == 1
 
@@ -272,12 +332,19 @@ def test_tuning_changes_the_feel():
         ),
         (
             {"steer_by_wire.feedback_delay": 0.004, "steer_by_wire.feedback_bandwidth": 7.0},
-            r"steer_by_wire.feedback_delay must be below 0.00\d* s, from which on the loop of the feel at 40 km/h",
+            r"steer_by_wire.feedback_delay must be below 0.00\d* s, from which on the loop of the feel at \d+ km/h",
         ),
         (
             {"steer_by_wire.friction_law": "coulomb"},
             "the loop of the feel at 0 km/h is unstable with every steer_by_wire.f",
         ),
+        (
+            {"steer_by_wire.feel_law": "mapp"},
+            "steer_by_wire.feel_law: unknown feel 'mapp'; available: blended, rack_force",
+        ),
+        ({"steer_by_wire.force_share": [0.5, 1.5]}, "steer_by_wire.force_share must hold 8 values .*, each 0 to 1"),
+        ({"steer_by_wire.forces": [10.0, 20.0]}, "steer_by_wire.forces must start at zero, got 10"),
+        ({"steer_by_wire.observer_law": "lugrre"}, "steer_by_wire.observer_law: .*unknown friction law 'lugrre'"),
         ({"steer_by_wire.feel": [[0.0, 1.0]]}, "steer_by_wire.feel must have 8 rows of 14 torques, 0 to 100 N m"),
     ],
 )

@@ -20,18 +20,18 @@ from numpy.typing import NDArray
 from scipy.linalg import schur
 
 from steer_env.friction.numerics.frozen import frozen
-from steer_env.friction.numerics.kernel import plainly
 from steer_env.vehicle import plant
 from steer_env.vehicle.analysis import linearised
 from steer_env.vehicle.analysis.linearised import Point
 from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST, RACK_DISTURBANCE
 from steer_env.vehicle.layout import plant_layout, state_names
-from steer_env.vehicle.plant import CHASSIS_STEP
-from steer_env.vehicle.steering import eps, wire_loops
+from steer_env.vehicle.plant import CHASSIS_STEP, STEPS_PER_CHASSIS_STEP, Plant
+from steer_env.vehicle.steering import by_wire, eps, wire_loops
 from steer_env.vehicle.steering.assist.functions import Functions
-from steer_env.vehicle.steering.by_wire import Wire, feel_map
-from steer_env.vehicle.steering.column import COLUMN_ANGLE, COLUMN_SPEED, HANDWHEEL_ANGLE
+from steer_env.vehicle.steering.by_wire import Wire
+from steer_env.vehicle.steering.column import COLUMN_ANGLE, COLUMN_SPEED, HANDWHEEL_ANGLE, HANDWHEEL_SPEED
 from steer_env.vehicle.steering.eps import SAMPLE_TIME
+from steer_env.vehicle.steering.feels.torque_map import TorqueMap
 from steer_env.vehicle.steering.linear import answer
 from steer_env.vehicle.steering.margins import FREQUENCIES, Margins, boost_gain, least, read
 from steer_env.vehicle.steering.margins import transmitted as of_assist
@@ -44,6 +44,7 @@ Array = NDArray[np.float64]
 STABLE = 1e-6
 
 
+SLOWEST_OF_FEEL = 2.0  # oscillations of a handwheel by wire; slower ones are those of the car, assumed [Hz]
 INPUTS = ("request", "rack_disturbance")
 OUTPUTS = ("torsion_bar_torque", "column_angle", "column_speed")
 
@@ -72,32 +73,39 @@ class Loop(NamedTuple):
         return -np.atleast_1d(K) * self.plant_response(frequency)[:, 0, 0]  # (E17)
 
 
-class LoopByWire(NamedTuple):
-    """The open loop of a point by wire, of which tyres and chassis are no part."""
+def _by_wire(point: Point) -> list[NDArray[np.complex128]]:
+    """The loop of the rack's position (W8), and of a handwheel that is not prescribed that of the feel, at FREQUENCIES.
 
-    loop: wire_loops.Loop
-
-    def response(self, frequency: Array) -> NDArray[np.complex128]:
-        """The open loop L (F,) at frequencies (F,) [Hz]; negative feedback closes it."""
-        return self.loop.response(np.exp(2j * math.pi * SAMPLE_TIME * np.asarray(frequency)))
-
-    def margins(self, stable: bool) -> Margins:
-        """The margins of the loop, and whether the car is stable."""
-        return read(FREQUENCIES, self.response(FREQUENCIES), stable)
+    The first is the actuator's alone. The second is that of the whole car: by a feel that knows the rack force, wire,
+    rack and tyres are in it.
+    """
+    p = point.plant
+    z = np.exp(2j * math.pi * SAMPLE_TIME * FREQUENCIES)
+    found = [wire_loops.position_loop(p.column, p.assist).response(z)]
+    return found if p.robot else [*found, open_loop(point).response(FREQUENCIES)]
 
 
-def _by_wire(point: Point) -> list[LoopByWire]:
-    """The loop of the rack's position, and of a handwheel that is not prescribed that of the feel (W8), (W9)."""
-    p, w, step = point.plant, point.plant.assist.wire, 1e-6
-    found = [wire_loops.position_loop(p.column, p.assist)]
-    if not p.robot:
-        low, high = (plainly(feel_map)(w, point.handwheel_angle + side, point.speed) for side in (-step, step))
-        stiffness, c = 0.5 * (high - low) / step, p.column
-        resting = 0.0 if p.friction is linearised.FRICTIONLESS else wire_loops.steepest(w)
-        damping = float(np.interp(abs(point.speed), w.speeds, w.damping))
-        hands = c.I_arm, c.C_arm, c.K_arm
-        found.append(wire_loops.feel_loop(c, w, stiffness + resting, damping, hands))
-    return [LoopByWire(loop) for loop in found]
+def _without_feel(point: Point) -> tuple[Point, Array]:
+    """The same point with a request in place of the feel, and how that depends on the states (S,) (W9)."""
+    p, w, at = point.plant, point.plant.assist.wire, plant_layout(point.plant)
+    told, angle, step = at.wire + by_wire.FORCES + w.wait, point.handwheel_angle, 1e-6
+    force = float(point.state[told])
+
+    def slope(by_angle: float, by_force: float) -> float:
+        ends = [wire_loops.torque_at(w, angle + k * by_angle, force + k * by_force, point.speed) for k in (-1.0, 1.0)]
+        return 0.5 * (ends[1] - ends[0]) / (by_angle or by_force)
+
+    none = {"law": linearised.FRICTIONLESS, "law_size": 0}
+    own = w._replace(**none, feel=0.0 * w.feel, force_feel=0.0 * w.force_feel, damping=0.0 * w.damping)
+    bare = frozen(p._replace(assist=p.assist._replace(wire=own)))
+    start = at.wire + by_wire.MEMORY
+    u, state = point.inputs.copy(), np.delete(point.state, np.s_[start : start + w.law_size])
+    u[ASSIST_REQUEST] -= wire_loops.torque_at(w, angle, force, point.speed)
+    row = np.zeros(state.size)
+    row[HANDWHEEL_ANGLE] = slope(step, 0.0) + wire_loops.steepest(w)
+    row[HANDWHEEL_SPEED] = np.interp(abs(point.speed), w.speeds, w.damping)
+    row[told] = slope(0.0, 1e3 * step)
+    return point._replace(plant=bare, state=state, inputs=u), row
 
 
 def without_boost(point: Point) -> Point:
@@ -130,16 +138,22 @@ def _requested(point: Point, a: eps.Assist, factor: float) -> Point:
 def response(point: Point, frequency: Array) -> NDArray[np.complex128]:
     """The open loop L (F,) around a point at frequencies (F,) [Hz].
 
-    By wire it is that loop of handwheel and rack whose disk margin is smaller, opened at the command of its motor.
+    By wire it is that of the feel, or of the rack's position where the handwheel is prescribed, opened at the command
+    of its motor.
     """
-    if isinstance(point.plant.assist.wire, Wire):
-        return min(_by_wire(point), key=lambda loop: loop.margins(True).disk).response(frequency)
+    if isinstance(point.plant.assist.wire, Wire) and point.plant.robot:
+        z = np.exp(2j * math.pi * SAMPLE_TIME * np.asarray(frequency))
+        return wire_loops.position_loop(point.plant.column, point.plant.assist).response(z)
     return open_loop(point).response(frequency)
 
 
 def open_loop(point: Point) -> Loop:
-    """The assist loop around a point of :mod:`steer_env.vehicle.analysis.linearised`, opened at the torque sensor."""
-    bare = without_boost(point)
+    """The assist loop around a point of :mod:`steer_env.vehicle.analysis.linearised`, opened at the torque sensor.
+
+    By wire it is the loop of the feel, opened at the command of the feedback motor.
+    """
+    wired = isinstance(point.plant.assist.wire, Wire)
+    bare, feel = _without_feel(point) if wired else (without_boost(point), None)
     p, state, row = bare.plant, bare.state.copy(), np.zeros((1, len(plant.channels(bare.plant))))
     found = []
     for _ in range(2):
@@ -148,13 +162,15 @@ def open_loop(point: Point) -> Loop:
         plant.run(p, state, bare.inputs[None, :], row, 1)
     index = found[0][2]
     outputs = np.zeros((3, index.size))
-    outputs[0] = p.column.K_tb * ((index == HANDWHEEL_ANGLE) * 1.0 - (index == COLUMN_ANGLE))
+    twist = p.column.K_tb * ((index == HANDWHEEL_ANGLE) * 1.0 - (index == COLUMN_ANGLE))
+    outputs[0] = twist if feel is None else feel[index]
     outputs[1], outputs[2] = index == COLUMN_ANGLE, index == COLUMN_SPEED
     (A0, B0, _), (A1, B1, _) = found
     # Each sample reads what the other one writes.
     read = linearised.read_states(np.abs(A0) + np.abs(A1), outputs)
     speed = point.channel("longitudinal_speed") if "longitudinal_speed" in dict(plant.channels(p)) else point.speed
-    K = answer(point.plant.assist, boost_gain(point.plant.assist, point.torque, speed)).state_space()
+    gain = -1.0 if feel is not None else boost_gain(point.plant.assist, point.torque, speed)
+    K = control.ss([], [], [], gain, SAMPLE_TIME) if wired else answer(point.plant.assist, gain).state_space()
     A0, A1, B0, B1, C = A0[np.ix_(read, read)], A1[np.ix_(read, read)], B0[read], B1[read], outputs[:, read]
     two_samples = control.ss(
         A1 @ A0, np.hstack([A1 @ B0, B1]), np.vstack([C, C @ A0]),
@@ -173,9 +189,34 @@ def grows(point: Point) -> bool:
     return bool(np.abs(np.linalg.eigvals(A[np.ix_(kept, kept)])).max() > 1.0 + STABLE)
 
 
+def wire_reason(p: Plant) -> str:
+    """Why the feel of a plant by wire that knows the rack force is unstable, hands off; empty where it is not.
+
+    Oscillations above 2 Hz alone are judged, at the speed of the plant. The wire's delay is named with the longest one
+    that is stable.
+    """
+    w = p.assist.wire
+    if not isinstance(w, Wire) or isinstance(w.feel_law, TorqueMap) or w.every > STEPS_PER_CHASSIS_STEP:
+        return ""
+    none = {"law": linearised.FRICTIONLESS, "law_size": 0}
+
+    def calm(wait: int) -> bool:
+        own = w._replace(**none, observer=w.observer._replace(**none), wait=wait)
+        free = p._replace(assist=p.assist._replace(wire=own), friction=linearised.FRICTIONLESS, robot=0.0)
+        poles = np.linalg.eigvals(linearised.transition(free)[0])
+        fast = np.abs(np.angle(poles)) > 2.0 * math.pi * SLOWEST_OF_FEEL * CHASSIS_STEP
+        return bool(np.abs(poles[fast]).max(initial=0.0) <= 1.0 + STABLE)
+
+    if calm(w.wait):
+        return ""
+    longest = next((wait for wait in range(w.wait - 1, -1, -1) if calm(wait)), -1)
+    rest = f"it is stable with at most {longest * SAMPLE_TIME:g} s" if longest >= 0 else "give more damping"
+    return f"the feel by the rack force is unstable with steer_by_wire.wire_delay {w.wait * SAMPLE_TIME:g} s: {rest}"
+
+
 def margins(point: Point) -> Margins:
     """The margins of the assist loop around a point."""
     calm = not grows(point)
     if isinstance(point.plant.assist.wire, Wire):
-        return least([loop.margins(calm) for loop in _by_wire(point)])
+        return least([read(FREQUENCIES, L, calm) for L in _by_wire(point)])
     return read(FREQUENCIES, open_loop(point).response(FREQUENCIES), calm)

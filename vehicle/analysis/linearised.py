@@ -11,7 +11,7 @@ slides at a constant torque, which has no slope, or is at rest and acts by the s
 
 from collections.abc import Callable
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import control
 import numpy as np
@@ -189,6 +189,7 @@ class Point(NamedTuple):
     inputs: Array  # (I,) that hold the point
     speed: float  # held [m/s]
     compensated: Array | None = None  # (V,) share of the friction that the assist compensates where friction rests [1]
+    wire: Any = None  # controllers by wire with their friction laws, which act where friction rests
 
     @property
     def torque(self) -> float:

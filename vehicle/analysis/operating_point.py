@@ -18,15 +18,15 @@ from steer_env import friction as friction_laws
 from steer_env.friction.law import law_of
 from steer_env.friction.numerics.check import number, one_of
 from steer_env.friction.numerics.frozen import frozen
-from steer_env.friction.numerics.kernel import plainly
 from steer_env.vehicle import plant
 from steer_env.vehicle.analysis.linearised import FRICTIONLESS, Point, by_input, transition
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.chassis.common.interface import ASSIST_REQUEST, HAND, HAND_SPEED, INPUTS, WHEELS
 from steer_env.vehicle.layout import plant_layout
 from steer_env.vehicle.plant import CHANNEL, CHASSIS_STEP, STEPS_PER_CHASSIS_STEP, Plant
+from steer_env.vehicle.steering import wire_loops
 from steer_env.vehicle.steering.assist import friction_compensation, functions
-from steer_env.vehicle.steering.by_wire import Wire, feel_map
+from steer_env.vehicle.steering.by_wire import FORCES, MEMORY, Wire
 from steer_env.vehicle.steering.column import COLUMN_ANGLE, HANDWHEEL_ANGLE, HANDWHEEL_SPEED
 from steer_env.vehicle.steering.eps import LEAD_STATE, Assist, boost_curve
 
@@ -51,6 +51,7 @@ class Cornering(NamedTuple):
     torques: Array  # (K,) of the torsion bar [N m]
     end: str  # why it ended
     compensated: Array | None = None  # (V,) share of the friction that the assist compensates [1]
+    wire: Any = None  # controllers by wire with their friction laws
 
 
 def cornering(car: Car, speed: float, chassis: str = "single_track", road_friction: float = 1.0) -> Cornering:
@@ -65,7 +66,8 @@ def cornering(car: Car, speed: float, chassis: str = "single_track", road_fricti
                 f"steer_by_wire.wire_sample_time must be at most {CHASSIS_STEP:g} s for a linear model, whose step it "
                 f"is, got {p.assist.wire.every * plant.SAMPLE_TIME:g}"
             )
-        own = p.assist.wire._replace(law=FRICTIONLESS, law_size=0)  # the middle of the wanted hysteresis
+        wire, none = p.assist.wire, {"law": FRICTIONLESS, "law_size": 0}  # the middle of the wanted hysteresis
+        own = wire._replace(**none, observer=wire.observer._replace(**none))
         p = frozen(p._replace(assist=p.assist._replace(wire=own)))
     bare = _without_boost(p)  # which is stable where the assist is not; a rack position has the same chassis with both
     state, lock = plant.initial_state(bare), 0.98 * car.handwheel_lock(speed)
@@ -88,17 +90,13 @@ def cornering(car: Car, speed: float, chassis: str = "single_track", road_fricti
         found.append(state.copy())
     every = np.array(found)
     if by_wire:
-        angles = every[:, HANDWHEEL_ANGLE]
-        return Cornering(p, speed, every, angles, np.array([_wire_torque(p, a, speed) for a in angles]), end)
+        angles, told = every[:, HANDWHEEL_ANGLE], every[:, plant_layout(p).wire + FORCES + wire.wait]
+        torques = np.array([wire_loops.torque_at(own, *each, speed) for each in zip(angles, told)])
+        return Cornering(p, speed, every, angles, torques, end, wire=wire)
     whole = p.column.K_tb * (every[:, HANDWHEEL_ANGLE] - every[:, COLUMN_ANGLE])  # of torsion bar and boost
     grid = np.linspace(0.0, max(whole.max(), 1.0), 2000)
     torques = np.interp(whole, grid + [boost_curve(p.assist, T, speed)[0] for T in grid], grid)
     return Cornering(p, speed, every, every[:, COLUMN_ANGLE] + torques / p.column.K_tb, torques, end, compensated)
-
-
-def _wire_torque(p: Plant, angle: float, speed: float) -> float:
-    """Torque that resists by wire at an angle of the handwheel [rad] at rest [N m]."""
-    return float(plainly(feel_map)(p.assist.wire, angle, speed))
 
 
 def _without_compensation(p: Plant) -> tuple[Plant, Array | None]:
@@ -220,14 +218,28 @@ def _newton(c: Cornering, wanted: float, above: bool) -> Point:
 
 
 def _newton_by_wire(c: Cornering, wanted: float) -> Point:
-    """As :func:`_newton`: the map says which angle has the torque, and the car follows the angle (P8)."""
-    p, row, u = c.plant, np.zeros((1, len(plant.channels(c.plant)))), np.zeros(len(INPUTS))
+    """As :func:`_newton`, by the angle that has the torque: by secants, as the car follows the angle (P8)."""
     k = int(np.argmax(c.torques >= wanted))
-    state = c.states[k].copy()
     if not wanted or c.speed == 0.0:
-        return Point(p, c.states[0].copy(), u, c.speed)
-    u[HAND] = brentq(lambda angle: _wire_torque(p, angle, c.speed) - wanted, *c.angles[[max(k - 1, 0), k]], xtol=1e-14)
-    state[HANDWHEEL_ANGLE], state[HANDWHEEL_SPEED] = u[HAND], 0.0
+        return Point(c.plant, c.states[0].copy(), np.zeros(len(INPUTS)), c.speed, wire=c.wire)
+    angles = [float(np.interp(wanted, c.torques[k - 1 : k + 1], c.angles[k - 1 : k + 1]))]
+    angles.append(1.001 * angles[0])
+    points = [_settled(c, angle, c.states[k]) for angle in angles]
+    for _ in range(20):
+        if abs(points[-1].torque - wanted) < 1e-9:
+            return points[-1]
+        slope = (points[-1].torque - points[-2].torque) / (angles[-1] - angles[-2])
+        angles.append(angles[-1] + (wanted - points[-1].torque) / slope)
+        points.append(_settled(c, angles[-1], points[-1].state))
+    raise ValueError(
+        f"the car does not corner steadily with a torque of {wanted:g} N m at {3.6 * c.speed:.4g} km/h; give less"
+    )
+
+
+def _settled(c: Cornering, angle: float, state: Array) -> Point:
+    """The steady point at a handwheel angle [rad] by wire, from a state near it (P8)."""
+    p, row, u, state = c.plant, np.zeros((1, len(plant.channels(c.plant)))), np.zeros(len(INPUTS)), state.copy()
+    u[HAND], state[HANDWHEEL_ANGLE], state[HANDWHEEL_SPEED] = angle, angle, 0.0
     if "longitudinal_speed" in dict(plant.channels(p)):
         plant.run(p, state, np.tile(u, (_SPEED_HOLD_SAMPLES, 1)), row, 1)
     for _ in range(20):
@@ -236,14 +248,12 @@ def _newton_by_wire(c: Cornering, wanted: float) -> Point:
         plant.run(p, after, np.tile(u, (STEPS_PER_CHASSIS_STEP, 1)), row, 1)
         A, index = transition(p, state=state, inputs=u)
         off = after[index] - state[index]
-        if np.all(np.abs(off) < 1e-10 * np.maximum(1.0, np.abs(state[index]))):
-            return Point(p, state, u, c.speed)
-        state[index] += np.linalg.solve(A - np.eye(index.size), -off)  # (P8)
-        if not np.isfinite(state).all():
+        if not np.isfinite(A).all():
             break
-    raise ValueError(
-        f"the car does not corner steadily with a torque of {wanted:g} N m at {3.6 * c.speed:.4g} km/h; give less"
-    )
+        if np.all(np.abs(off) < 1e-10 * np.maximum(1.0, np.abs(state[index]))):
+            return Point(p, state, u, c.speed, wire=c.wire)
+        state[index] += np.linalg.solve(A - np.eye(index.size), -off)  # (P8)
+    raise ValueError(f"the car does not corner steadily at {angle:.4g} rad at {3.6 * c.speed:.4g} km/h; give less")
 
 
 def _off_knots(p: Plant, torque: float, speed: float, above: bool) -> Plant:
@@ -311,4 +321,8 @@ def with_hands(
         if point.compensated is not None:
             p = _compensating(p, point.compensated)
         state = np.append(state[: plant_layout(p).memory], np.zeros(law_of(resting).memory_size(resting)))
+        if point.wire is not None:
+            at, own = plant_layout(p), np.zeros(point.wire.law_size + point.wire.observer.law_size)
+            state = np.insert(state, at.wire + MEMORY, own)
+            p = frozen(p._replace(assist=p.assist._replace(wire=point.wire)))
     return point._replace(plant=p, state=state, inputs=u)

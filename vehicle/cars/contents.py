@@ -51,7 +51,7 @@ def data(car: "Car") -> dict[str, Any]:
         raise ValueError(f"strut {BY_HAND}")
     parts = {section: getattr(car, section) for section in CONSTRUCTORS}
     wire, parts["assist"] = car.assist.wire, car.assist._replace(wire=NoWire())
-    if not _same(wire, kinds.wire(given, car.assist.limit) or NoWire()):
+    if not _same(wire, kinds.wire(given) or NoWire()):
         raise ValueError(f"{car.kind} {BY_HAND}")
     found = {
         **{key: getattr(car, key) for key in TEXT_KEYS},

@@ -72,7 +72,7 @@ def _checked(data: dict[str, Any]) -> Car:
             raise ValueError(f"assumed names {key!r}, which is neither a section nor a key of chassis or steering")
     strut = MacPherson.packaged(data["strut"], chassis["front_track"])
     parts = {section: _construct(section, data[section]) for section in CONSTRUCTORS}
-    if wire := kinds.wire(data, parts["assist"].limit):
+    if wire := kinds.wire(data):
         parts["assist"] = frozen(parts["assist"]._replace(wire=wire))
         wire_loops.check(parts["column"], parts["assist"])
     elif not parts["column"].K_tb:

@@ -12,7 +12,7 @@ The actuator is the motor of :mod:`steer_env.vehicle.steering.eps`, with its del
 handwheel's feedback motor makes the wanted feel: a map of torque over angle and speed, damping, the hysteresis of a
 friction law that the handwheel turns, and a stop where the rack is at its lock:
 
-    feel = map(th1, v) + D(v) w1 + T_law(th1) + K_stop beyond(th1, lock/i(v))                              (W4)
+    feel = law of the feel + D(v) w1 + T_law(th1) + K_stop beyond(th1, lock/i(v))                              (W4)
     command = limit(request of the hand - feel)                                                            (W5)
     T_f' = omega_f (command(t - delay) - T_f)                                                              (W6)
 
@@ -22,10 +22,11 @@ Source: cascaded position control of servo drives; numbers of the defaults are a
 """
 
 import math
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from steer_env.friction.law import advance, law_of
 from steer_env.friction.law import torque as law_torque
@@ -35,10 +36,14 @@ from steer_env.friction.numerics.frozen import frozen
 from steer_env.friction.numerics.interpolation import bracket
 from steer_env.friction.numerics.kernel import COMPILED, dispatch, kernel
 from steer_env.friction.numerics.units import RETURNS_NUMBER, Function, Unit, array, caller, memory_size, part, values
-from steer_env.friction.sites import resolve_one
+from steer_env.friction.sites import resolve_one, sliding_torque
 from steer_env.vehicle.keys import checked, declared_keys
+from steer_env.vehicle.steering import rack_observer
 from steer_env.vehicle.steering.assist.by_speed import interpolate_cell, table
+from steer_env.vehicle.steering.feels import common as feels
+from steer_env.vehicle.steering.feels.common import FEELS
 from steer_env.vehicle.steering.motor import lagged
+from steer_env.vehicle.steering.rack_observer import Observer, Rack
 
 Array = NDArray[np.float64]
 
@@ -50,7 +55,7 @@ STOP_STIFFNESS = 100.0  # of the handwheel's stop, assumed [N m/rad]
 _COMMANDS = tuple((f"feedback_command_{i}", "N m") for i in range(MAX_DELAY + 1))  # i samples old
 _MESSAGES = tuple(
     (f"{name}_{i}", unit)
-    for name, unit in (("sent_angle", "rad"), ("sent_speed", "rad/s"), ("sent_age", "s"))
+    for name, unit in (("sent_angle", "rad"), ("sent_speed", "rad/s"), ("sent_force", "N"), ("sent_age", "s"))
     for i in range(MAX_WAIT + 1)
 )
 STATES = (
@@ -61,12 +66,18 @@ STATES = (
     ("samples_since_message", "1"),
     *_COMMANDS,
     *_MESSAGES,
+    *rack_observer.STATES,
 )
-# Positions of these states; the memory of the wanted friction law ends them.
+# Positions of these states; the memories of both friction laws end them.
 FEEDBACK, BEFORE, INTEGRAL, ANGLE_BEFORE, COUNT, COMMANDS = range(6)
 ANGLES = COMMANDS + len(_COMMANDS)
-SPEEDS, AGES = ANGLES + MAX_WAIT + 1, ANGLES + 2 * (MAX_WAIT + 1)
-MEMORY = len(STATES)
+SPEEDS, FORCES, AGES, OBSERVED = (ANGLES + k * (MAX_WAIT + 1) for k in (1, 2, 3, 4))
+MEMORY = len(STATES)  # of the wanted friction law, then that of the observer's
+_BY_SPEED = ("ratio", "damping", "force_share")
+_NUMBERS = (
+    *("feel_scale", "feedback_limit", "feedback_bandwidth", "feedback_delay", "position_gain", "speed_gain"),
+    *("integral_time", "observer_bandwidth", "observer_gear_loss", "observer_load"),
+)
 
 
 class NoWire(NamedTuple):
@@ -78,9 +89,13 @@ class Wire(NamedTuple):
 
     speeds: Array  # (V,) of the vehicle, for what depends on it [m/s]
     ratio: Array  # (V,) pinion angle over handwheel angle [1]
+    damping: Array  # (V,) [N m s/rad]
+    force_share: Array  # (V,) of the rack force in a blended feel [1]
     angles: Array  # (A,) handwheel angles of the map, from zero [rad]
     feel: Array  # (V, A) torque that resists, of the map [N m]
-    damping: Array  # (V,) [N m s/rad]
+    forces: Array  # (K,) told rack forces, from zero [N]
+    force_feel: Array  # (K,) torque that resists there [N m]
+    feel_law: Any  # class of steer_env.vehicle.steering.feels
     law: Any  # of the wanted friction
     law_size: int  # floats that the law remembers
     limit: float  # of the feedback motor [N m]
@@ -90,89 +105,56 @@ class Wire(NamedTuple):
     position_gain: float  # k_p [1/s]
     speed_gain: float  # k_w [N m s/rad]
     integral_gain: float  # k_w/T_i [N m/rad]
-    actuator_limit: float  # of the request [N m]
-    lock: float  # pinion angle at the rack's end stops [rad]
     every: int  # samples between two messages
     wait: int  # samples that a message travels
+    observer: Observer  # of the rack force
 
 
-def make(
-    *,
-    lock: float,
-    actuator_limit: float,
-    speeds: ArrayLike,
-    ratio: ArrayLike,
-    angles: ArrayLike,
-    feel: ArrayLike,
-    feel_scale: float,
-    damping: ArrayLike,
-    friction_law: Any,
-    feedback_limit: float,
-    feedback_bandwidth: float,
-    feedback_delay: float,
-    position_gain: float,
-    speed_gain: float,
-    integral_time: float,
-    wire_delay: float,
-    wire_sample_time: float,
-) -> Wire:
-    """Checked parameters, for the keys of section ``steer_by_wire`` of a car file beside the first two.
+def make(p: Mapping[str, Any], rack: Rack) -> Wire:
+    """Checked parameters of a complete section ``steer_by_wire`` of a car file and what is known of the rack.
 
-    Parameters
-    ----------
-    lock, actuator_limit : float
-        Pinion angle at the end stops of the rack [rad], largest torque of its actuator at the pinion [N m].
-    speeds, ratio, damping : (V,) array_like
-        Vehicle speeds, ascending [m/s]; there the pinion angle over the handwheel angle, of one sign [1], and the
-        damping of the handwheel [N m s/rad].
-    angles, feel : (A,), (V, A) array_like
-        Handwheel angles, ascending from zero [rad], and the torque that resists there, not negative, zero in the first
-        column [N m]; the map is odd and flat beyond the last angle.
-    feel_scale : float
-        Factor on it [1].
-    friction_law : str, mapping or parameters
-        The friction that the hand is wanted to feel, in a form of :func:`steer_env.friction.law.resolve`.
-    feedback_limit, feedback_bandwidth, feedback_delay : float
-        Of the feedback motor: largest torque [N m], corner of its torque loop [Hz], time from measurement to effect,
-        at most 4 ms [s].
-    position_gain, speed_gain, integral_time : float
-        k_p, k_w and T_i of (W2) and (W3) [1/s, N m s/rad, s].
-    wire_delay, wire_sample_time : float
-        Whole milliseconds that a message travels, at most 20 ms, and that lie between two of them [s].
+    ``data/cars/keys.toml`` declares meaning, unit and range of each key.
 
     Raises
     ------
     ValueError
         Naming the key and what is allowed.
     """
-    v, i, a, f, d = (
-        table(name, given)
-        for name, given in (
-            ("speeds", speeds), ("ratio", ratio), ("angles", angles), ("feel", feel), ("damping", damping)
-        )
-    )  # fmt: skip
-    _check_tables(v, i, a, f, d)
-    law = _law(friction_law)
-    gain = checked(SECTION, "speed_gain", speed_gain)
+    tables = {key: table(key, p[key]) for key in (*_BY_SPEED, "speeds", "angles", "feel", "forces", "force_feel")}
+    if tables["force_share"].shape == (1,):
+        tables["force_share"] = np.full(tables["speeds"].shape, tables["force_share"])
+    _check_tables(**tables)
+    number = {key: checked(SECTION, key, p[key]) for key in _NUMBERS}
+    law, known = (_law(key, p[key]) for key in ("friction_law", "observer_law"))
+    try:
+        feel_law = FEELS[p["feel_law"]].parameters()
+    except ValueError as error:
+        raise ValueError(f"feel_law: {error}") from None
+    own: dict[str, Any] = {**tables, "feel": number["feel_scale"] * tables["feel"]}
+    own["force_feel"] = number["feel_scale"] * tables["force_feel"]
     return frozen(
         Wire(
-            v,
-            i,
-            a,
-            checked(SECTION, "feel_scale", feel_scale) * f,
-            d,
-            law,
-            law_of(law).memory_size(law),
-            limit=checked(SECTION, "feedback_limit", feedback_limit),
-            bandwidth=2.0 * math.pi * checked(SECTION, "feedback_bandwidth", feedback_bandwidth),
-            **as_samples(checked(SECTION, "feedback_delay", feedback_delay)),
-            position_gain=checked(SECTION, "position_gain", position_gain),
-            speed_gain=gain,
-            integral_gain=gain / checked(SECTION, "integral_time", integral_time),
-            actuator_limit=actuator_limit,
-            lock=lock,
-            every=_milliseconds("wire_sample_time", wire_sample_time),
-            wait=_milliseconds("wire_delay", wire_delay),
+            **own,
+            feel_law=feel_law,
+            law=law,
+            law_size=law_of(law).memory_size(law),
+            limit=number["feedback_limit"],
+            bandwidth=2.0 * math.pi * number["feedback_bandwidth"],
+            **as_samples(number["feedback_delay"]),
+            position_gain=number["position_gain"],
+            speed_gain=number["speed_gain"],
+            integral_gain=number["speed_gain"] / number["integral_time"],
+            every=_milliseconds("wire_sample_time", p["wire_sample_time"]),
+            wait=_milliseconds("wire_delay", p["wire_delay"]),
+            observer=Observer(
+                rack,
+                rack_observer.decay(number["observer_bandwidth"], SAMPLE_TIME),
+                known,
+                law_of(known).memory_size(known),
+                max(sliding_torque(known), 0.0),
+                number["observer_gear_loss"],
+                number["observer_load"],
+            ),
         )
     )
 
@@ -183,12 +165,12 @@ def as_samples(delay: float) -> dict[str, Any]:
     return {"delay": samples, "offset": max(delay - samples * SAMPLE_TIME, 0.0)}
 
 
-def _law(friction_law: Any) -> Any:
-    """Parameters of the wanted friction; ValueError names the key."""
+def _law(key: str, given: Any) -> Any:
+    """Parameters of a friction law that a key gives; ValueError names the key."""
     try:
-        return resolve_one(friction_law, "the wanted feel")
+        return resolve_one(given, "a controller by wire")
     except ValueError as error:
-        raise ValueError(f"friction_law: {error}") from None
+        raise ValueError(f"{key}: {error}") from None
 
 
 def _milliseconds(key: str, value: float) -> int:
@@ -199,24 +181,27 @@ def _milliseconds(key: str, value: float) -> int:
     return round(found)
 
 
-def _check_tables(v: Array, i: Array, a: Array, f: Array, d: Array) -> None:
+def _check_tables(**tables: Array) -> None:
     """ValueError for tables of :func:`make` that are refused."""
-    for name, axis in (("speeds", v), ("angles", a)):
+    keys, v = declared_keys()[SECTION], tables["speeds"]
+    for name in ("speeds", "angles", "forces"):
+        axis = tables[name]
         if axis.ndim != 1 or axis.size < 2 or not np.isfinite(axis).all() or np.any(np.diff(axis) <= 0.0):
             raise ValueError(f"{name} must be finite and ascending, at least two values, got {axis.tolist()}")
-    if a[0] != 0.0:
-        raise ValueError(f"angles must start at zero, got {a[0]:g}")
-    for name, found in (("ratio", i), ("damping", d)):
-        about = declared_keys()[SECTION][name]
+        if name != "speeds" and axis[0] != 0.0:
+            raise ValueError(f"{name} must start at zero, got {axis[0]:g}")
+    for name in _BY_SPEED:
+        about, found = keys[name], tables[name]
         if found.shape != v.shape or not np.all((found >= about.low) & (found <= about.high)):
             allowed = f"{v.size} values for as many speeds, each {about.low:g} to {about.high:g} [{about.unit}]"
             raise ValueError(f"{name} must hold {allowed}, got {found.tolist()}")
-    most = declared_keys()[SECTION]["feel"].high
-    if f.shape != (v.size, a.size) or not np.all((f >= 0.0) & (f <= most)) or np.any(f[:, 0] != 0.0):
-        raise ValueError(
-            f"feel must have {v.size} rows of {a.size} torques, 0 to {most:g} N m and zero at zero angle, "
-            f"got {f.tolist()}"
-        )
+    for name, shape in (("feel", (v.size, tables["angles"].size)), ("force_feel", tables["forces"].shape)):
+        found, most = tables[name], keys[name].high
+        if found.shape != shape or not np.all((found >= 0.0) & (found <= most)) or np.any(found[..., 0] != 0.0):
+            rows = f"{shape[0]} rows of {shape[1]}" if len(shape) > 1 else f"{shape[0]}"
+            raise ValueError(
+                f"{name} must have {rows} torques, 0 to {most:g} N m and zero at the first, got {found.tolist()}"
+            )
 
 
 def transmitted(w: "Wire | NoWire", factor: float) -> "Wire | NoWire":
@@ -230,7 +215,8 @@ def states(w: "Wire | NoWire") -> tuple[tuple[str, str], ...]:
     """Names and units of the states."""
     if isinstance(w, NoWire):
         return ()
-    return (*STATES, *((f"wanted_friction_memory_{i}", "") for i in range(w.law_size)))
+    sizes = {"wanted": w.law_size, "rack": w.observer.law_size}
+    return (*STATES, *((f"{name}_friction_memory_{i}", "") for name, n in sizes.items() for i in range(n)))
 
 
 def ratio_at(w: "Wire | NoWire", speed: float) -> float:
@@ -244,39 +230,28 @@ def handwheel_lock(rack_limit: float, pinion_radius: float, w: "Wire | NoWire", 
 
 
 @kernel
-def feel_map(w, angle, speed):
-    """Torque of the map at a handwheel angle [rad] and a vehicle speed [m/s], odd in the angle [N m]."""
-    i, u = bracket(w.speeds, abs(speed))
-    j, s = bracket(w.angles, abs(angle))
-    low = w.feel[i, j] + s * (w.feel[i, j + 1] - w.feel[i, j])
-    high = w.feel[i + 1, j] + s * (w.feel[i + 1, j + 1] - w.feel[i + 1, j])
-    return math.copysign(low + u * (high - low), angle)  # (W4)
-
-
-@kernel
-def _received(w, x, angle, speed):
-    """Angle [rad], speed [rad/s] and age [s] of the message that the rack's controller has, after one more sample."""
-    for first in (ANGLES, SPEEDS, AGES):
+def _send(w, x, angle, speed, force):
+    """Send what both sides know, where it is time to, and let the messages travel by a sample."""
+    for first in (ANGLES, SPEEDS, FORCES, AGES):
         for i in range(first + w.wait, first, -1):
             x[i] = x[i - 1]
     x[AGES] += SAMPLE_TIME
     if x[COUNT] == 0.0:
-        x[ANGLES], x[SPEEDS], x[AGES] = angle, speed, 0.0
+        x[ANGLES], x[SPEEDS], x[FORCES], x[AGES] = angle, speed, force, 0.0
     x[COUNT] = x[COUNT] + 1.0 if x[COUNT] + 1.0 < w.every else 0.0
-    return x[ANGLES + w.wait], x[SPEEDS + w.wait], x[AGES + w.wait] + w.wait * SAMPLE_TIME
 
 
 @kernel
-def _position_torque(w, x, ratio, angle, speed, pinion_angle, pinion_speed):
+def _position_torque(w, x, ratio, pinion_angle, pinion_speed):
     """Request [N m] of the position loop to the actuator."""
-    sent, turning, age = _received(w, x, angle, speed)
+    sent, turning, age = x[ANGLES + w.wait], x[SPEEDS + w.wait], x[AGES + w.wait] + w.wait * SAMPLE_TIME
     ahead, rate = ratio * (sent + age * turning), ratio * turning
-    wanted = within(ahead, -w.lock, w.lock)  # (W1)
+    wanted = within(ahead, -w.observer.rack.lock, w.observer.rack.lock)  # (W1)
     if wanted != ahead:
         rate = 0.0
     off = w.position_gain * (wanted - pinion_angle) + rate - pinion_speed  # (W2)
     found = w.speed_gain * off + x[INTEGRAL]
-    if abs(found) < w.actuator_limit or found * off < 0.0:
+    if abs(found) < w.observer.rack.limit or found * off < 0.0:
         x[INTEGRAL] += SAMPLE_TIME * w.integral_gain * off  # (W3)
     return found
 
@@ -287,21 +262,24 @@ def _feel_torque(w, x, ratio, damping, angle, speed, vehicle_speed):
     memory, moving = x[MEMORY : MEMORY + w.law_size], (angle - x[ANGLE_BEFORE]) / SAMPLE_TIME
     x[ANGLE_BEFORE] = angle
     advance(w.law, 1.0, memory, moving, SAMPLE_TIME)
-    beyond = angle - within(angle, -w.lock / ratio, w.lock / ratio)
+    beyond = angle - within(angle, -w.observer.rack.lock / ratio, w.observer.rack.lock / ratio)
     held = law_torque(w.law, 1.0, memory, moving) + STOP_STIFFNESS * beyond
-    return feel_map(w, angle, vehicle_speed) + damping * speed + held  # (W4)
+    return feels.torque(w.feel_law, w, angle, x[FORCES + w.wait], vehicle_speed) + damping * speed + held  # (W4)
 
 
 @kernel
-def _sampled(w, x, angle, speed, pinion_angle, pinion_speed, vehicle_speed, request):
+def _sampled(w, x, angle, speed, pinion_angle, pinion_speed, motor, vehicle_speed, request):
     i, u = bracket(w.speeds, abs(vehicle_speed))
     ratio, damping = interpolate_cell(w.ratio, i, u), interpolate_cell(w.damping, i, u)
+    own, memory = x[OBSERVED:MEMORY], x[MEMORY + w.law_size :]
+    force = rack_observer.observe(w.observer, own, memory, motor, pinion_angle, pinion_speed, SAMPLE_TIME)
+    _send(w, x, angle, speed, force)
     feel = _feel_torque(w, x, ratio, damping, angle, speed, vehicle_speed)
     x[BEFORE] = x[COMMANDS + w.delay]
     for k in range(COMMANDS + w.delay, COMMANDS, -1):
         x[k] = x[k - 1]
     x[COMMANDS] = within(request - feel, -w.limit, w.limit)  # (W5)
-    return _position_torque(w, x, ratio, angle, speed, pinion_angle, pinion_speed)
+    return _position_torque(w, x, ratio, pinion_angle, pinion_speed)
 
 
 @kernel
@@ -311,14 +289,14 @@ def _fed(w, x, elapsed, h):
 
 @kernel
 def _size(w):
-    return MEMORY + w.law_size
+    return MEMORY + w.law_size + w.observer.law_size
 
 
 # Of a column.
 
 
 @kernel
-def _unchanged(w, x, angle, speed, pinion_angle, pinion_speed, vehicle_speed, request):
+def _unchanged(w, x, angle, speed, pinion_angle, pinion_speed, motor, vehicle_speed, request):
     return request
 
 
@@ -336,9 +314,9 @@ def _no_size(w):
 
 
 @kernel
-def _sampled_by(numbers, sizes, x, angle, speed, pinion_angle, pinion_speed, vehicle_speed, request):
+def _sampled_by(numbers, sizes, x, angle, speed, pinion_angle, pinion_speed, motor, vehicle_speed, request):
     w, own = values(numbers, sizes), array(x, sizes)
-    return _sampled(w, own, angle, speed, pinion_angle, pinion_speed, vehicle_speed, request)
+    return _sampled(w, own, angle, speed, pinion_angle, pinion_speed, motor, vehicle_speed, request)
 
 
 @kernel
@@ -346,15 +324,15 @@ def _fed_by(numbers, sizes, x, elapsed, h):
     return _fed(values(numbers, sizes), array(x, sizes), elapsed, h)
 
 
-FUNCTIONS = (Function(_sampled_by, "pnnnnnn", RETURNS_NUMBER), Function(_fed_by, "pnn", RETURNS_NUMBER))
+FUNCTIONS = (Function(_sampled_by, "pnnnnnnn", RETURNS_NUMBER), Function(_fed_by, "pnn", RETURNS_NUMBER))
 _call = caller(RETURNS_NUMBER)
 
 
 @kernel
-def _sampled_of_unit(w, x, angle, speed, pinion_angle, pinion_speed, vehicle_speed, request):
+def _sampled_of_unit(w, x, angle, speed, pinion_angle, pinion_speed, motor, vehicle_speed, request):
     if w.code.addresses.size == 0:
         return request
-    return _call(part(w), 0, (x, angle, speed, pinion_angle, pinion_speed, vehicle_speed, request))
+    return _call(part(w), 0, (x, angle, speed, pinion_angle, pinion_speed, motor, vehicle_speed, request))
 
 
 @kernel
@@ -381,12 +359,12 @@ def size(w):
     return _KERNELS[type(w)]["size"](w)
 
 
-def sampled(w, x, angle, speed, pinion_angle, pinion_speed, vehicle_speed, request):
+def sampled(w, x, angle, speed, pinion_angle, pinion_speed, motor, vehicle_speed, request):
     """Request [N m] to the motor at the rack after one sample of both controllers, whose states ``x`` advance.
 
     ``request`` is that from outside [N m]: of a wire to the feedback motor, of a column to the assist, as it is.
     """
-    return _KERNELS[type(w)]["sampled"](w, x, angle, speed, pinion_angle, pinion_speed, vehicle_speed, request)
+    return _KERNELS[type(w)]["sampled"](w, x, angle, speed, pinion_angle, pinion_speed, motor, vehicle_speed, request)
 
 
 def fed(w, x, elapsed, h):

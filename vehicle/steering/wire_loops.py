@@ -21,8 +21,9 @@ from steer_env.friction.law import advance, law_of
 from steer_env.friction.law import torque as law_torque
 from steer_env.friction.numerics.kernel import plainly
 from steer_env.vehicle.steering import eps, linear
-from steer_env.vehicle.steering.by_wire import MAX_DELAY, SAMPLE_TIME, SECTION, Wire, as_samples, feel_map
+from steer_env.vehicle.steering.by_wire import MAX_DELAY, SAMPLE_TIME, SECTION, Wire, as_samples
 from steer_env.vehicle.steering.column import Column
+from steer_env.vehicle.steering.feels import common as feels
 from steer_env.vehicle.steering.linear import System
 
 Array = NDArray[np.float64]
@@ -114,9 +115,14 @@ def steepest(w: Wire) -> float:
     return float((before - read(w.law, 1.0, memory, -_REVERSED)) / _REVERSED)
 
 
+def torque_at(w: Wire, angle: float, force: float, speed: float) -> float:
+    """Torque of the feel [N m] at rest at a handwheel angle [rad], a told rack force [N] and a vehicle speed [m/s]."""
+    return float(plainly(feels.FEELS.of(type(w.feel_law)).torque)(w.feel_law, w, angle, force, speed))  # type: ignore[union-attr]
+
+
 def slopes(w: Wire, speed: float) -> list[tuple[float, float]]:
     """Torque [N m] in the middle of each cell of the map at a vehicle speed [m/s], and its slope [N m/rad]."""
-    torques = [plainly(feel_map)(w, angle, speed) for angle in w.angles.tolist()]
+    torques = [torque_at(w, angle, 0.0, speed) for angle in w.angles.tolist()]
     return [
         (0.5 * (low + high), (high - low) / (right - left))
         for (left, right), (low, high) in zip(pairwise(w.angles), pairwise(torques))

@@ -1,8 +1,8 @@
 """Simulation of a manoeuvre: the plant that it needs, the amplitude of the hands, and the recording."""
 
 import math
-from collections.abc import Callable, Generator, Iterable, Sequence
-from itertools import pairwise
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from itertools import chain, pairwise
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
@@ -20,7 +20,7 @@ from steer_env.vehicle import chassis, plant
 from steer_env.vehicle.cars import Car
 from steer_env.vehicle.chassis.common.interface import Names
 from steer_env.vehicle.steering import column, motor, stability
-from steer_env.vehicle.steering.by_wire import handwheel_lock
+from steer_env.vehicle.steering.by_wire import Wire, handwheel_lock
 from steer_env.vehicle.steering.eps import SAMPLE_TIME, without_assist
 from steer_env.vehicle.tyre import BEYOND_TYRE
 
@@ -257,7 +257,15 @@ def _unstable(p: plant.Plant, manoeuvre: Manoeuvre, speeds: Iterable[float]) -> 
     """One sentence if the assist loop is unstable at one of some speeds, with the hands as in the manoeuvre."""
     hands = {not manoeuvre.robot, bool(manoeuvre.released)}
     reasons = (stability.reason(p.column, p.assist, v, free=free) for v in speeds for free in sorted(hands))
-    return [reason for reason in reasons if reason][:1]
+    return [reason for reason in chain(reasons, _unstable_by_wire(p, hands)) if reason][:1]
+
+
+def _unstable_by_wire(p: plant.Plant, hands: set[bool]) -> Iterator[str]:
+    """Why a feel that knows the rack force is unstable, where hands are free."""
+    if isinstance(p.assist.wire, Wire) and True in hands:
+        from steer_env.vehicle.analysis import assist_loop  # here, because its import takes longer than a drive
+
+        yield assist_loop.wire_reason(p)
 
 
 def _require_stable(p: plant.Plant, manoeuvre: Manoeuvre, speeds: Iterable[float]) -> None:

@@ -25,7 +25,7 @@ class Kind(NamedTuple):
     at_column: Callable[[Section, float], dict[str, dict[str, Any]]]  # section, pinion radius [m] -> keys by section
     boost: Callable[[NDArray[Any], float], NDArray[Any]] | None = None  # its own, pinion radius [m] -> at the column
     tables: Mapping[str, Any] = {}  # keys of its section that are no numbers -> what they are where left out
-    wire: Callable[[Section, float, float], Any] | None = None  # section, lock [rad], limit of the assist [N m] -> wire
+    wire: Callable[[Section, Mapping[str, float]], Any] | None = None  # section, section steering -> wire
 
 
 KINDS: Registry[Kind] = Registry("steering", "steer_env.vehicle.steering.kinds")
@@ -66,13 +66,12 @@ def kind_of_sections(sections: Iterable[str]) -> str:
     return found[0] if found else COLUMN_EPS
 
 
-def wire(contents: Mapping[str, Any], limit: float) -> Any:
-    """What connects handwheel and rack by the contents of a car file, with the limit of its assist; None: a column."""
+def wire(contents: Mapping[str, Any]) -> Any:
+    """What connects handwheel and rack by the contents of a car file; None: a column."""
     name = kind_of_sections(contents)
     if name == COLUMN_EPS or (made := KINDS[name].wire) is None:
         return None
-    steering = contents["steering"]
     try:
-        return made(contents[name], steering["rack_limit"] / steering["pinion_radius"], limit)
+        return made(contents[name], contents["steering"])
     except ValueError as error:
         raise ValueError(f"{name}.{error}") from None

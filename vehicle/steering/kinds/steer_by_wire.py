@@ -9,11 +9,11 @@ are those of a column, and off. The controllers are :mod:`steer_env.vehicle.stee
 The default tables are assumed; of the packaged car, the map is (E7) over the angle that the lateral acceleration needs.
 """
 
-from inspect import signature
 from typing import Any
 
 from steer_env.vehicle.steering import by_wire
 from steer_env.vehicle.steering.kinds.common import KINDS, Kind, Section, at_pinion
+from steer_env.vehicle.steering.rack_observer import Rack
 
 TABLES = {
     "speeds": [0.0, 100.0],
@@ -22,8 +22,12 @@ TABLES = {
     "feel": [[0.0, 0.5, 1.0, 2.0, 4.0], [0.0, 1.5, 3.0, 5.0, 8.0]],
     "damping": [0.5, 0.6],
     "friction_law": "dahl,F_c=0.3,sigma_0=6.0",
+    "feel_law": "torque_map",
+    "force_share": [0.5],
+    "forces": [0.0, 500.0, 2000.0, 8000.0],
+    "force_feel": [0.0, 2.0, 4.0, 6.0],
+    "observer_law": "viscous,sigma_2=0.0",
 }
-_CONTROLLERS = tuple(signature(by_wire.make).parameters)
 
 
 def at_column(p: Section, pinion_radius: float) -> dict[str, dict[str, Any]]:
@@ -46,10 +50,11 @@ def at_column(p: Section, pinion_radius: float) -> dict[str, dict[str, Any]]:
     }
 
 
-def wire(p: Section, lock: float, actuator_limit: float) -> by_wire.Wire:
-    """The controllers, with the pinion angle at the stops [rad] and the actuator's largest torque at the pinion."""
-    own = {key: p[key] for key in _CONTROLLERS if key in p}
-    return by_wire.make(**own, lock=lock, actuator_limit=actuator_limit)
+def wire(p: Section, steering: Section) -> by_wire.Wire:
+    """The controllers, with the section ``steering`` of the car file."""
+    radius = steering["pinion_radius"]
+    I2, C2, limit, _ = at_pinion(p, radius)
+    return by_wire.make(p, Rack(steering["rack_limit"] / radius, limit, I2, C2, radius))
 
 
 KINDS.register("steer_by_wire", Kind(at_column, tables=TABLES, wire=wire))
