@@ -13,7 +13,7 @@ from steer_env.friction.numerics.registry import modules_by_name, with_dashes
 
 GROUP = "test"
 STUDIES = modules_by_name("steer_env.experiments.studies", with_dashes)
-SWEEPING = ("friction", "friction-sites", "held-torque", "loop-width")  # studies of many cases
+SWEEPING = ("architecture", "friction", "friction-sites", "held-torque", "loop-width")  # studies of many cases
 
 
 def add(parser: argparse.ArgumentParser) -> None:

@@ -243,6 +243,27 @@ def loop_width(panels: Mapping[str, Mapping[str, Mapping[str, Any]]]) -> Figure:
     return figure
 
 
+@as_svg
+def architecture(found: Mapping[str, Mapping[str, Any]]) -> Figure:
+    """The largest difference of a law [%] with its interval, a line for each metric and a mark for each steering."""
+    names, ticks = list(next(iter(found.values()))), range(len(found))
+    figure = new_figure(9.6, 1.5 + 0.16 * len(found))
+    axes = figure.subplots()
+    for k, (name, colour) in enumerate(zip(names, PALETTE)):
+        seen = [(i, row[name]) for i, row in zip(ticks, found.values()) if row[name]]
+        places, sizes, reaches = zip(*((i, 100.0 * abs(each.share), 100.0 * each.reach) for i, each in seen))
+        y = np.array(places) + 0.15 * (k - 0.5 * (len(names) - 1))
+        axes.errorbar(np.maximum(sizes, 0.1), y, xerr=reaches, fmt="o", color=colour, markersize=3, label=name)
+    axes.axvline(5.0, color="#999999", linewidth=0.8)
+    axes.set_xscale("log")
+    axes.set_xlim(0.1, None)
+    axes.set_yticks(ticks, list(found), fontsize=7)
+    axes.set_ylim(len(found) - 0.3, -0.7)
+    axes.set_xlabel("largest difference of a law from LuGre [%]; 5 % counts")
+    legend(figure, axes)
+    return figure
+
+
 class LearningCurves(NamedTuple):
     """Curves of one task."""
 

@@ -78,6 +78,7 @@ COMMANDS = {
         "policy", "shift", "shipped", "--env", ASSIST, "--over", "law", "--friction", NAME, "--episodes", "2", *IMPORT
     ],
     "policy suite": ["policy", "suite", "damping", "--env", ASSIST, *IMPORT],
+    "study architecture": ["study", "architecture", "--laws", NAME, "--tests", "weave", *IMPORT],
     "study friction": ["study", *IMPORT, "friction", "--quick"],
     "study friction-sites": ["study", "friction-sites", *IMPORT],
     "study held-torque": ["study", "held-torque", *IMPORT],
