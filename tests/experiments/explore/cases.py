@@ -44,9 +44,9 @@ def address(page, law="lugre", body="single_track", **values):
     return f"{page.as_uri()}#{'&'.join(f'{key}={value}' for key, value in pairs.items())}"
 
 
-def driven(law, body, values, name="weave"):
+def driven(law, body, values, name="weave", vehicle="compact"):
     """Python's recording of a standard manoeuvre with values of the page."""
-    car, made = cars.load("compact"), drives.made(name)
+    car, made = cars.load(vehicle), drives.made(name)
     made = replace(made, speed=values.get("speed_kph", made.speed * 3.6) / 3.6, chassis=body)
     p = parameters.plant(car, law, body, values) if values else driving.build_plant(car, made, law)
     return driving.drive_plant(car, p, made)

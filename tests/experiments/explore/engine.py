@@ -34,8 +34,8 @@ function whole(steps) {
 class Engine:
     """A car with a law on a chassis, as the worker of the page has it."""
 
-    def __init__(self, law, body):
-        self._context = MiniRacer()
+    def __init__(self, law, body, vehicle):
+        self._context, self.vehicle = MiniRacer(), vehicle
         for name in (
             "metrics*",
             "policy",
@@ -50,7 +50,7 @@ class Engine:
         ):
             for file in sorted(writing.PAGE_FOLDER.glob(f"{name}.js")):
                 self._context.eval(file.read_text(encoding="utf-8"))
-        car, which = cars.load("compact"), writing.Combination(law, body)
+        car, which = cars.load(vehicle), writing.Combination(law, body)
         own, begun = (parameters.plant(car, each, body, {}) for each in (law, module.BEGINNING))
         self.structure = writing.structure(car, which)
         given = {"structure": self.structure, "declared": writing.declared(car, [which])}
@@ -69,6 +69,6 @@ class Engine:
 
 
 @lru_cache(3)
-def engine(law, body):
-    """The engine of a law on a chassis; the last three are kept, as several tests in a row need them."""
-    return Engine(law, body)
+def engine(law, body, vehicle="compact"):
+    """The engine of a car with a law on a chassis; the last three are kept, as several tests in a row need them."""
+    return Engine(law, body, vehicle)

@@ -75,6 +75,19 @@ def test_manoeuvres_are_those_of_python(name, law, body):
     require_equal(found["values"], metrics.evaluate(expected, intervals=False))
 
 
+@pytest.mark.whole
+@pytest.mark.parametrize("name", ["weave", "parking"])
+def test_a_car_by_wire_is_that_of_python(name):
+    """With another feel; the lock of the handwheel is that of the ratio of a standing car."""
+    by_wire, values = ("lugre@steer_by_wire", "two_track"), {"steer_by_wire.feel_scale": 1.3}
+    values |= {"speed_kph": 3.6 * drives.made(name).speed}
+    made = engine(*by_wire, "compact_steer_by_wire")
+    own = {q["name"]: q["value"] for q in made.structure["parameters"]}
+    found, expected = made.value(ANSWER, values=own | values, name=name), driven(*by_wire, values, name, made.vehicle)
+    assert found["amplitude"] == pytest.approx(expected.meta["amplitude_rad"], rel=1e-9)
+    require_equal(found["values"], metrics.evaluate(expected, intervals=False))
+
+
 @pytest.mark.parametrize(("law", "body"), QUICK)
 def test_modules_import_nothing(law, body):
     assert engine(law, body).value("imports") == []
