@@ -70,7 +70,8 @@ _OWN_MEANINGS = {
     "handwheel_torque": "torque of the hands on the handwheel, positive where it pushes to the left",
     "column_angle": "angle of the column below the torsion bar, positive to the left",
     "column_speed": "angular velocity of the column below the torsion bar, positive to the left",
-    "torsion_bar_torque": "torque of the torsion bar, positive where the handwheel is ahead of the column to the left",
+    "torsion_bar_torque": "torque of the torsion bar, positive where the handwheel is ahead of the column to the left; "
+    "by wire that with which the feedback motor resists a turn to the left",
     "motor_torque": "torque of the assist's motor at the column, positive where it pushes to the left",
     "friction_torque": "friction torque at the column, positive where it resists a motion to the left",
     "rack_force": "force of wheels and end stops on the rack, positive where it resists a left turn",

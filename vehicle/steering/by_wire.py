@@ -9,10 +9,10 @@ which a cascade of a proportional and a proportional-integral loop follows with 
     request = k_w e_w + I,   I' = (k_w/T_i) e_w unless the request is beyond the actuator's limit          (W3)
 
 The actuator is the motor of :mod:`steer_env.vehicle.steering.eps`, with its delay, lag and limits (E1), (E2). The
-handwheel's feedback motor makes the wanted feel: a map of torque over angle and speed, damping, the hysteresis of a
-friction law that the handwheel turns, and a stop where the rack is at its lock:
+handwheel's feedback motor makes the wanted feel: the torque of a law of :mod:`steer_env.vehicle.steering.feels`,
+damping, the hysteresis of a friction law that the handwheel turns, and a stop where the rack is at its lock:
 
-    feel = law of the feel + D(v) w1 + T_law(th1) + K_stop beyond(th1, lock/i(v))                              (W4)
+    feel = T_feel + D(v) w1 + T_law(th1) + K_stop beyond(th1, lock/i(v))                                   (W4)
     command = limit(request of the hand - feel)                                                            (W5)
     T_f' = omega_f (command(t - delay) - T_f)                                                              (W6)
 
