@@ -15,6 +15,7 @@ import numpy as np
 from steer_env import friction
 from steer_env.experiments.pages import pictures
 from steer_env.experiments.pages.options import progress
+from steer_env.experiments.pages.style import smaller
 from steer_env.experiments.pages.words import label
 from steer_env.experiments.studies.common import battery
 from steer_env.experiments.sweep import Runner, run
@@ -119,4 +120,4 @@ def main(argv: Sequence[str] | None = None, sweep: Runner = run) -> None:
     print(table(found))
     print("\n" + verdict(found))
     if options.figure:
-        options.figure.write_text(pictures.architecture(found), encoding="utf-8")
+        options.figure.write_text(smaller(pictures.architecture(found)), encoding="utf-8")

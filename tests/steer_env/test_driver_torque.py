@@ -58,9 +58,9 @@ def test_what_a_driver_knows_is_bounded_at_every_speed(car, chassis):
 def test_what_an_informed_driver_knows_is_bounded_on_every_road(car):
     """Where the tyres only slide the car gives no torque back, so the stiffness may be zero."""
     batch = gym.make(IN_LOOP, vehicle=car).unwrapped.batch
-    for road_friction in (0.1, 0.3, 0.5, 1.2):
+    for road_friction in (0.1, 0.4, 1.2):
         for load in (0.0, 500.0):
-            for speed in (3.0, 8.0, 22.0, 45.0, 70.0):
+            for speed in (3.0, 22.0, 70.0):
                 stiffness, damping = known(batch, speed=speed, load=load, road_friction=road_friction)
                 assert 0.0 <= stiffness < STIFFNESS, (road_friction, load, speed)
                 assert 0.0 <= damping < DAMPING, (road_friction, load, speed)
