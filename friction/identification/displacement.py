@@ -119,7 +119,8 @@ def _local(x: NDArray, window: int) -> tuple[NDArray[np.float64], float]:
     """Local polynomials of a window, which at the ends are those of the outermost one, and the weight of a sample in
     its own.
 
-    scipy's filter fits the polynomials of the ends anew in every call, which was most of its time.
+    scipy's filter fits the polynomials of the ends anew in every call, which was most of its time, and loses digits in
+    long windows (findings/scipy_savgol_long_window.sh).
     """
     Q, half = _polynomials(window), window // 2
     middle = Q @ Q[half]
