@@ -243,8 +243,9 @@ def interactive(shown: Sequence[Panel], height: int = 330, columns: int = 2) -> 
     )  # fmt: skip
     figure.update_xaxes(showgrid=True, gridcolor="#e4e4e4", title_standoff=6)
     figure.update_yaxes(showgrid=True, gridcolor="#e4e4e4", title_standoff=6)
-    return figure.to_html(
+    html = figure.to_html(
         full_html=False,
         include_plotlyjs=False,
         config={"displaylogo": False, "responsive": True, "displayModeBar": "hover"},
     )
+    return f'<div class="drawn">{html}</div>'  # as the style calls it

@@ -501,9 +501,7 @@ def _best(
     return found
 
 
-def _all_places(
-    tables: Sequence[Table], points: Sequence[Point], names: tuple[str, ...]
-) -> list[NDArray[np.int64]]:
+def _all_places(tables: Sequence[Table], points: Sequence[Point], names: tuple[str, ...]) -> list[NDArray[np.int64]]:
     """Places (P, n) of the terms of all points in each table."""
     return [np.array([_places(table, i, point, names) for point in points]) for i, table in enumerate(tables)]
 

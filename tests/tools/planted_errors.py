@@ -269,8 +269,8 @@ ERRORS = (
     Planted(
         "a factor at standstill turns round above 100 km/h",
         "steer_env/tuning/parameters.py",
-        "fading = np.maximum(1.0 - a.speeds / HIGH_SPEED, 0.0)",
-        "fading = 1.0 - a.speeds / HIGH_SPEED",
+        "return np.maximum(1.0 - speeds / HIGH_SPEED, 0.0)",
+        "return 1.0 - speeds / HIGH_SPEED",
         "tests/steer_env/test_tuning.py tests/steer_env",
     ),
     Planted(
