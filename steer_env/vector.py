@@ -191,7 +191,7 @@ class SteerVectorEnv(PlainSpecification, VectorEnv):
         for i in rows:
             final[i] = observations[i].copy()
         self._start(rows, {})
-        info = self._infos.of_all(self._told())
+        info = self._infos.of_all(self._told()).copy()  # a plain dict, as torch looks into no other
         info["final_obs"], info["_final_obs"] = final, done.copy()
         info["final_info"], info["_final_info"] = of_some(last, done.copy()), done.copy()
         return info

@@ -3,12 +3,10 @@
 import gc
 import importlib
 import os
-import random
 import re
 import signal
 import sys
 import time
-from itertools import groupby
 from pathlib import Path
 from traceback import walk_tb
 
@@ -54,7 +52,7 @@ _skipped: dict[str, str] = {}  # test, or module of tests -> reason
 def pytest_addoption(parser):
     parser.addoption("--run-to", type=Path, help="write the names of the tests that ran to a file")
     parser.addoption("--rest-of", type=Path, help="the whole suite but for the tests that such a file names")
-    parser.addoption("--until", type=float, help="Unix time [s] from which on no test starts; files come in any order")
+    parser.addoption("--until", type=float, help="Unix time [s] from which on no test starts")
 
 
 class _Module(pytest.Module):
@@ -91,10 +89,6 @@ def pytest_collection_modifyitems(config, items):
         run = set(file.read_text(encoding="utf-8").splitlines())
         config.hook.pytest_deselected(items=[item for item in items if item.nodeid in run])
         items[:] = [item for item in items if item.nodeid not in run]
-    if until := config.getoption("until"):  # in each run other files come last
-        files = [list(group) for _, group in groupby(items, lambda item: item.path)]
-        random.Random(until).shuffle(files)
-        items[:] = [item for file in files for item in file]
 
 
 @pytest.hookimpl(tryfirst=True)
